@@ -93,10 +93,10 @@ for folder, places in vague_counts.items():
 # The limits may be lowered but not raised.
 wings = {
     "response": (r"(radar|any|stated|widest|to)_response|RadarResponse|record::Response\b|response_(of|keys|filter|fit)",
-                 r"/response", 26),
-    "empty room": (r"empty_room|EmptyRoom|--empty", r"/empty_room\.|^sim/", 13),
+                 r"/response", 15),
+    "empty room": (r"empty_room|EmptyRoom|--empty", r"/empty_room\.|^sim/", 7),
     "verdict": (r"[Vv]erdict", r"/verdicts?\.", 25),
-    "zones": (r"[Zz]one|histograms_of", r"/zone(_fields)?\.", 53),
+    "zones": (r"[Zz]one|histograms_of", r"/zone(_fields)?\.", 46),
     "calibration": (r"[Cc]alibrat", r"/calibrat", 39),
     "antennas": (r"[Aa]ntenna|RadarArray|radar_array", r"array|antenna", 73),
     "trust": (r"[Oo]ut_?[Oo]f_?[Dd]istribution|[Dd]omain_?[Ss]hift|[Uu]ncertainty|[Pp]ixel_?[Ee]rror", r"^recon/trust/", 24),
@@ -145,7 +145,7 @@ if len(written) > 20:
 # Tests name the tables of a record and of a data set only in tests/fixtures/record.hpp and dataset.hpp, so that a change of
 # these types changes only the fixtures. This counts members with these names; the remaining ones belong to other types.
 # The limit may be lowered but not raised.
-table = re.compile(r"(?<!\bsink)(?<!\bframe)(?<!\bf)(?<!\bp)(?<!\bconfig)(?<!\bresponse)(?<!\bfound)"
+table = re.compile(r"(?<!\bsink)(?<!\bframe)(?<!\bf)(?<!\bp)(?<!\bconfig)(?<!\bresponse)(?<!\baxes)(?<!\bfound)"
                    r"\.(spd|zone_spd|radar|array|depth|depth_mm)\b(?!\()")
 direct = [f"{path.relative_to(root)}:{number}" for path in tracked()
           if path.is_relative_to(root / "tests") and not path.is_relative_to(root / "tests/fixtures") and path.suffix in (".cpp", ".hpp")

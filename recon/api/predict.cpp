@@ -12,8 +12,8 @@ namespace echofuse {
 namespace {
 
 // Names are imported one by one, because recon::Model would clash with echofuse::Model.
-using recon::Dataset, recon::Features, recon::MappedRecord, recon::Matrix, recon::RecordStatus,
-    recon::SceneModel, recon::TrainedModel, recon::formatted;
+using recon::Column, recon::ColumnAxis, recon::Dataset, recon::Features, recon::MappedRecord,
+    recon::Matrix, recon::RecordStatus, recon::SceneModel, recon::TrainedModel, recon::formatted;
 
 DepthMap public_map(MappedRecord made, const SceneModel& scene) {
   RecordStatus& status = made.status;
@@ -31,10 +31,11 @@ DepthMap public_map(MappedRecord made, const SceneModel& scene) {
   return out;
 }
 
-// Copies `values` to a table with one row and `wanted` columns. The row contains zeros if `values`
-// is empty. `limit`: lowest accepted value.
-void put_row(Matrix& table, std::span<const float> values, std::size_t wanted, const char* name,
-             std::optional<float> limit = {}) {
+// Copies `values` to a column with one row on the axis of the model. The row contains zeros if
+// `values` is empty. `limit`: lowest accepted value.
+void put_row(Column& column, const ColumnAxis& axis, std::span<const float> values,
+             const char* name, std::optional<float> limit = {}) {
+  const std::size_t wanted = axis.size();
   const auto refuse = [&](const std::string& fault) {
     throw Error(ExitCode::usage, std::string(name) + ": " + fault + "; the model expects " +
                                      std::to_string(wanted) + " finite values" +
@@ -44,8 +45,8 @@ void put_row(Matrix& table, std::span<const float> values, std::size_t wanted, c
   for (std::size_t i = 0; i < values.size(); ++i)
     if (!std::isfinite(values[i]) || (limit && values[i] < *limit))
       refuse("value " + std::to_string(i) + " is " + formatted("%g", double{values[i]}));
-  table = Matrix(1, wanted);
-  std::ranges::copy(values, table.row(0).begin());
+  column = Matrix(1, wanted), column.axis = axis;
+  std::ranges::copy(values, column.row(0).begin());
 }
 
 // Makes a one-record data set on the model's axes. The ranges of `counts` and `power` must be free
@@ -53,25 +54,17 @@ void put_row(Matrix& table, std::span<const float> values, std::size_t wanted, c
 Dataset dataset_of(const TrainedModel& model, std::span<const float> counts,
                    std::span<const float> power) {
   const Features& takes = model->features;
-  const std::size_t bins = takes.spd_axis.count;
   Dataset data;
   data.map = model->scene.grid;
-  data.depth = Matrix(1, 0);
+  data.depth() = Matrix(1, 0);
   SensorSet valid;
   if (takes.spd_count() > 0) {
-    data.spd_axis = takes.spd_axis;
-    Matrix all;
-    put_row(all, counts, takes.spd_count(), "counts", 0.0F);
     // Arrays state no directions of the zones, so those of the model are assumed.
-    data.zones = takes.zones;
-    if (!takes.zones.empty()) data.zone_spd = all;
-    data.spd = Matrix(1, bins);
-    for (std::size_t i = 0; i < all.cols; ++i) data.spd.row(0)[i % bins] += all.row(0)[i];
+    put_row(data.spd(), takes.axes.spd, counts, "counts", 0.0F);
     if (!counts.empty()) valid.insert(Sensor::spd);
   }
   if (takes.radar_count() > 0) {
-    data.radar_axis = takes.radar_axis;
-    put_row(data.radar, power, takes.radar_count(), "power");
+    put_row(data.radar(), takes.axes.radar, power, "power");
     if (!power.empty()) valid.insert(Sensor::radar);
   }
   data.valid = {valid.bits()};
@@ -94,13 +87,13 @@ const std::string& Model::inputs() const { return file_->inputs; }
 bool Model::calibrated() const { return file_->model->uncertainty.has_value(); }
 RunAxis Model::spd_axis() const {
   const Features& takes = file_->model->features;
-  return takes.spd_count() > 0 ? public_axis(takes.spd_axis) : RunAxis{};
+  return takes.spd_count() > 0 ? public_axis(takes.axes.spd) : RunAxis{};
 }
 RunAxis Model::radar_axis() const {
   const Features& takes = file_->model->features;
-  return takes.radar_count() > 0 ? public_axis(takes.radar_axis) : RunAxis{};
+  return takes.radar_count() > 0 ? public_axis(takes.axes.radar) : RunAxis{};
 }
-std::size_t Model::zones() const { return histograms_of(file_->model->features.zones); }
+std::size_t Model::zones() const { return file_->model->features.axes.spd.zones.size(); }
 MapGrid Model::grid() const { return public_grid(file_->model->scene.grid); }
 
 DepthMap predict(const Model& model, const Run& run, std::int64_t index) {

@@ -78,7 +78,7 @@ void write_records(const std::string& path, const Dataset& data, const SceneMode
         return std::isnan(value) ? "," : formatted(",%.9g", value);
       };
       for (const double score : one.scores[i]) out += number(score);
-      out += ',' + place_of(data.depth.row(row), scene);
+      out += ',' + place_of(data.depth().row(row), scene);
       const PredictionUncertainty stated =
           i < one.stated.size() ? one.stated[i] : PredictionUncertainty{};
       out += number(i < one.stated.size() ? stated.lateral_interval_90_m : std::nan("")) + ',' +
@@ -122,16 +122,6 @@ std::optional<Inputs> asked_by(const std::vector<TrainedModel>& models) {
   for (const TrainedModel& model : models)
     if (const Inputs own = model->features.inputs; model->name != "mean" && model->name != "empty")
       out = out && *out != own ? Inputs::fused : own;
-  return out;
-}
-
-// Returns the CRC-32C of the tables of `data`, computed as in training (Dataset::hash).
-std::uint32_t crc32c_of(const Dataset& data) {
-  std::uint32_t out = 0;
-  for (const Matrix* table : {&data.spd, &data.radar, &data.depth, &data.array, &data.zone_spd})
-    out = crc32c({reinterpret_cast<const std::uint8_t*>(table->values.data()),
-                  table->values.size() * sizeof(float)},
-                 out);
   return out;
 }
 
@@ -233,10 +223,7 @@ void leave_out_unasked(const std::string& asked, const std::vector<WrittenMaps>&
   if (asked.empty()) return;
   std::set<std::int64_t> wanted;
   if (asked == "test") {
-    const Inputs inputs = data.radar_axis.count == 0 ? Inputs::spd
-                          : data.spd_axis.count == 0 ? Inputs::radar
-                                                     : Inputs::fused;
-    for (const std::size_t row : make_split(rows_to_train(data, inputs).rows, {}).test)
+    for (const std::size_t row : make_split(rows_to_train(data, inputs_of(data)).rows, {}).test)
       wanted.insert(data.index[row]);
   } else {
     for (const WrittenMaps& maps : folders) {

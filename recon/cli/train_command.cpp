@@ -72,7 +72,7 @@ TrainedModel tune_model(const Arguments& a, bool test_share_given) {
   // differ.
   const Dataset loaded = load_runs(a);
   Dataset own = loaded;
-  bring_to_response(own, widest_response(own));
+  ModelResponse(own).convert(own);
   std::deque<Dataset> tables;
   std::vector<Start> starts;
   for (const std::string& path : a.from) {
@@ -100,7 +100,7 @@ TrainedModel tune_model(const Arguments& a, bool test_share_given) {
 
 Dataset load_to_train(Arguments& a, double radar_bin_m) {
   Dataset data = load_runs(a);
-  if (a.model.empty()) a.model = usual_model(inputs_of(a.inputs), data.zones.size());
+  if (a.model.empty()) a.model = usual_model(inputs_of(a.inputs), data.spd().axis.zones.size());
   if (!a.empty.empty() && a.model != "auto" && !wants_alignment(candidate_of(a.model, {}).model))
     throw Error(ExitCode::usage, "--empty: " + a.model +
                                      " does not use a background; use a factorised or mean-shape "
@@ -109,9 +109,12 @@ Dataset load_to_train(Arguments& a, double radar_bin_m) {
     throw Error(ExitCode::usage,
                 "--empty cannot be combined with radar_bin_m; use runs that were recorded with "
                 "wide radar bins");
-  bring_to_response(data, widest_response(data));
-  const std::string left_out = a.empty.empty() ? "" : state_empty_room(data, a.empty);
-  if (!left_out.empty() && !a.fit.quiet) std::fprintf(stderr, "%s\n", left_out.c_str());
+  ModelResponse(data).convert(data);
+  if (!a.empty.empty()) {
+    EmptyRoom room = load_empty_room(data, a.empty);
+    if (!room.left_out.empty() && !a.fit.quiet) std::fprintf(stderr, "%s\n", room.left_out.c_str());
+    a.background = std::move(room.records);
+  }
   if (radar_bin_m > 0) rebin_radar(data, radar_bins(radar_bin_m));
   return data;
 }

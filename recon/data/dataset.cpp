@@ -29,10 +29,6 @@ std::string to_text(const DamagedRecord& damaged) {
          printable(damaged.why);
 }
 
-bool agree(const Axis& a, const Axis& b) {
-  return a.count == b.count && (!a.count || same_axis(a, b));
-}
-
 namespace {
 
 Error map_error(const std::string& path, const record::MapGrid& found,
@@ -55,46 +51,45 @@ class Appender {
  public:
   Appender(Dataset& data, const record::RunReader& run, SensorSet sensors, DepthCheck* depths)
       : data_(data), path_(run.path()), sensors_(sensors), depths_(depths) {
+    Axis array;
     for (const Axis& axis : run.axes()) {
-      if (axis.name == "spd" && sensors_.contains(Sensor::spd))
-        spd_ = axis, zones_ = std::exchange(spd_.zones, single_pixel());
-      if (axis.name == "radar" && sensors_.contains(Sensor::radar)) raw_radar_ = axis;
-      if (axis.name == "array" && sensors_.contains(Sensor::radar)) array_ = axis;
+      if (axis.name == "spd" && sensors_.contains(Sensor::spd)) spd_ = axis;
+      if (axis.name == "radar" && sensors_.contains(Sensor::radar)) radar_ = axis;
+      if (axis.name == "array" && sensors_.contains(Sensor::radar)) array = axis;
       if (axis.name == "depth_x") x_ = axis;
       if (axis.name == "depth_y") y_ = axis;
     }
-    radar_ = raw_radar_;
-    if (radar_.quantity == "power_with_noise") radar_.quantity = "power";
-    adopt(data.spd_axis, spd_, "spd");
+    subtracts_noise_ = radar_.quantity == "power_with_noise";
+    if (subtracts_noise_) radar_.quantity = "power";
     pile_up_ = PileUp(run, spd_);
-    if (zones_ == single_pixel()) zones_.clear();
-    adopt_zones();
-    adopt(data.radar_axis, radar_, "radar");
-    if (array_.count > 0) lags_ = SpatialLags(run.antennas());
-    own_lags_ = array_.count > 0 ? lags_axis(array_, lags_) : Axis{};
-    adopt_array(own_lags_);
+    if (array.count > 0) {
+      antennas_ = record::antennas_of(array), lags_ = SpatialLags(run.antennas());
+      array_ = lags_axis(array, lags_);
+    }
+    adopt(data.spd(), spd_, "spd");
+    adopt(data.radar(), radar_, "radar");
+    adopt_array();
     adopt_map(run.axes());
     double radar_offset_m = 0, range_error_m = 0;
     SensorSet calibrated;
     for (const auto& c : run.calibrations()) {
       calibrated.insert(c.sensor), range_error_m = std::hypot(range_error_m, c.standard_error_m);
-      if (c.sensor == Sensor::spd && data.spd_axis.unit == "ps")
+      if (c.sensor == Sensor::spd && data.spd().axis.unit == "ps")
         spd_offset_ps_ = c.offset_m * ps_per_m;
-      if (c.sensor == Sensor::radar && data.radar_axis.unit == "m") radar_offset_m = c.offset_m;
+      if (c.sensor == Sensor::radar && data.radar().axis.unit == "m") radar_offset_m = c.offset_m;
     }
-    shifts_.resize(histograms_of(zones_));
-    for (std::size_t z = 0; z < shifts_.size(); ++z)
-      if (const double ps = spd_offset_ps_ + (zones_.empty() ? 0 : zones_[z].zero_ps); ps != 0)
-        shifts_[z].emplace(ps / spd_.step);
+    for (const Zone& zone : spd_.zones) {
+      const double ps = spd_offset_ps_ + zone.zero_ps;
+      shifts_.push_back(ps == 0 ? std::nullopt : std::optional<Shift>(ps / spd_.step));
+    }
     const record::RunInfo info = run.info();
     for (const Source& other : data.sources)
       if (other.uuid == info.uuid)
         throw Error(ExitCode::failed,
                     printable(path_) + ": is the same run as " + printable(other.path) +
                         "; remove the copy, or its records leak into the test set");
-    const auto response = record::response_of(info.meta).radar;
     Source& source = data.sources.emplace_back(
-        Source{path_, info.uuid, data.size(), 0, radar_offset_m, response});
+        Source{path_, info.uuid, data.size(), 0, radar_offset_m, RunResponse::read(info.meta)});
     if (calibrated.contains(Sensor::spd) && calibrated.contains(Sensor::radar))
       source.range_error_m = range_error_m;
     source.baseline_m = record::radar_baseline_m(info.meta);
@@ -103,15 +98,12 @@ class Appender {
   // Reserves memory for the given number of records, because reallocation would copy the tables. At
   // least doubles the capacity, so that loading many runs needs few reallocations.
   void make_room(std::size_t records) {
-    const auto reserve = [&](Matrix& table, std::size_t cols) {
-      const std::size_t wanted = table.values.size() + records * cols;
-      if (wanted > table.values.capacity())
-        table.values.reserve(std::max(wanted, 2 * table.values.capacity()));
-      advise_large_pages(table.values.data(), table.values.capacity() * sizeof(float));
-    };
-    reserve(data_.spd, data_.spd_axis.count), reserve(data_.radar, data_.radar_axis.count);
-    reserve(data_.array, lag_columns(data_.array_axis)), reserve(data_.zone_spd, zone_columns());
-    reserve(data_.depth, depth_columns());
+    for (Column& column : data_.columns) {
+      const std::size_t wanted = column.values.size() + records * column.axis.size();
+      if (wanted > column.values.capacity())
+        column.values.reserve(std::max(wanted, 2 * column.values.capacity()));
+      advise_large_pages(column.values.data(), column.values.capacity() * sizeof(float));
+    }
   }
 
   // Appends one record. Returns why the record is invalid, or an empty string if it was added.
@@ -120,23 +112,19 @@ class Appender {
     double a_pulse = clicks_per_pulse(r);
     const std::vector<float> spd = photons(r, a_pulse);
     std::vector<float> radar;
-    if (r.has(Sensor::radar)) radar = without_noise(r);
-    std::vector<float> lags = lags_of(r);
+    if (r.has(Sensor::radar)) radar = r.radar;
+    if (r.has(Sensor::radar) && subtracts_noise_) subtract_median(radar);
+    const std::vector<float> lags = lags_of(r);
     if (!std::ranges::all_of(radar, is_power) || !std::ranges::all_of(lags, is_power))
       return "a radar value is not a finite power";
-    to_common(radar, radar_, data_.radar_axis, 1);
     if (depths_ && r.has(Sensor::depth)) depths_->add(r.depth_mm, data_.map.far_m);
-    if (zones_.empty()) {
-      add_row(data_.spd, spd, data_.spd_axis.count);
-    } else {
-      add_row(data_.spd, sum_of_zones(spd, data_.spd_axis.count), data_.spd_axis.count);
-      add_row(data_.zone_spd, spd, zone_columns());
-    }
-    add_row(data_.radar, radar, data_.radar_axis.count);
-    add_row(data_.array, lags, lag_columns(data_.array_axis));
-    add_row(data_.depth, {}, depth_columns());
+    add_row(data_.spd(), spd, spd_);
+    add_row(data_.radar(), radar, radar_);
+    add_row(data_.array(), lags, array_);
+    Column& depth = data_.depth();
+    add_row(depth, {}, depth.axis);
     if (r.has(Sensor::depth))
-      record::to_target(r.depth_mm, x_, y_, data_.map, data_.depth.row(data_.depth.rows - 1));
+      record::to_target(r.depth_mm, x_, y_, data_.map, depth.row(depth.rows - 1));
     data_.valid.push_back(r.valid.bits());
     auto& verdicts = data_.verdicts.emplace_back();
     for (const Sensor s : all_sensors) verdicts[s] = r.sync[s].verdict.kind;
@@ -150,11 +138,7 @@ class Appender {
   }
 
  private:
-  std::size_t depth_columns() const {
-    return sensors_.contains(Sensor::depth) ? data_.map.pixels() : 0;
-  }
-  std::size_t zone_columns() const { return zones_.size() * data_.spd_axis.count; }
-  // Returns the photon counts of all zones on the common axis, with the range offset subtracted.
+  // Returns the photon counts of all zones, with the range offset subtracted.
   // Sets `a_pulse` (clicks per laser pulse) to 0 if pile-up was corrected.
   std::vector<float> photons(const record::FusedRecord& r, double& a_pulse) const {
     if (!r.has(Sensor::spd)) return {};
@@ -168,7 +152,6 @@ class Appender {
       std::vector<float> zone(first, first + spd_.count);
       if (pulses > 0) ready = std::min(ready, pile_up_.correct(zone, pulses));
       if (shifts_[z]) zone = shifts_[z]->apply(zone);
-      to_common(zone, spd_, data_.spd_axis, 1);
       if (z == 0)
         out = std::move(zone);
       else
@@ -240,34 +223,20 @@ class Appender {
     const auto starts = static_cast<double>(r.spd_counts.starts);
     return clicks < filtered * starts ? clicks / starts : 0;
   }
-  // Interpolates a row onto the axis of the first run.
-  static void to_common(std::vector<float>& row, const Axis& found, const Axis& common,
-                        std::size_t values_a_bin) {
-    if (!row.empty() && !agree(found, common)) row = resampled(row, found, common, values_a_bin);
-  }
-  void adopt(Axis& common, Axis& found, const char* name) {
+  void adopt(Column& column, ColumnAxis& found, const char* name) {
     found.name = name;
     if (data_.sources.empty()) {
-      common = found;
-    } else if (!agree(found, common) && !(common.count > 0 && is_near(found, common))) {
-      throw axis_error(path_, found, common, data_.sources.front().path);
+      column.axis = found;
+    } else if (!agree(found, column.axis) &&
+               !(column.axis.count > 0 && is_near(found, column.axis))) {
+      throw axis_error(path_, found, column.axis, data_.sources.front().path);
     }
   }
-  // Adopts the zones of the first run. Throws Error(failed) if the zones of another run differ.
-  void adopt_zones() {
-    if (data_.sources.empty()) data_.zones = zones_;
-    if (!std::ranges::equal(zones_, data_.zones, same_direction))
-      throw Error(ExitCode::failed,
-                  printable(path_) + ": the detector zones differ in number or direction (here " +
-                      std::to_string(histograms_of(zones_)) + " zones; " +
-                      printable(data_.sources.front().path) + " has " +
-                      std::to_string(histograms_of(data_.zones)) +
-                      "); use runs of one type of detector");
-  }
-  void adopt_array(const Axis& found) {
-    if (data_.sources.empty()) data_.array_axis = found;
-    data_.arrays_differ = data_.arrays_differ || !is_near(found, data_.array_axis);
-    if (data_.arrays_differ) drop_array(data_);
+  void adopt_array() {
+    Column& column = data_.array();
+    if (data_.sources.empty()) column.axis = array_;
+    column.differs = column.differs || !is_near(array_, column.axis);
+    if (column.differs) drop_array(data_);
   }
   void adopt_map(const std::vector<Axis>& axes) {
     if (!sensors_.contains(Sensor::depth)) return;
@@ -279,29 +248,25 @@ class Appender {
     }
     if (data_.sources.empty()) data_.map = found;
     if (!(found == data_.map)) throw map_error(path_, found, data_.map, data_.sources.front().path);
+    data_.depth().axis.count = static_cast<std::uint32_t>(data_.map.pixels());
   }
-  // Appends a row to the table; the row of a missing sensor contains zeros.
-  static void add_row(Matrix& table, std::span<const float> row, std::size_t cols) {
-    table.cols = cols;
-    table.add_row(row.first(std::min(row.size(), cols)));
-    table.values.resize(table.rows * cols);
-  }
-  // Subtracts the median of the profile if its power includes the receiver noise, which dominates
-  // most points.
-  std::vector<float> without_noise(const record::FusedRecord& r) const {
-    std::vector<float> out = r.radar;
-    if (raw_radar_.quantity == "power_with_noise") subtract_median(out);
-    return out;
+  // Interpolates a row onto the axis of the first run, and appends it to the column. The row of a
+  // missing sensor contains zeros.
+  static void add_row(Column& column, std::span<const float> row, const ColumnAxis& found) {
+    column.cols = column.axis.size();
+    if (row.empty() || agree(found, column.axis))
+      column.add_row(row.first(std::min(row.size(), column.cols)));
+    else
+      column.add_row(resampled(row, found, column.axis));
+    column.values.resize(column.rows * column.cols);
   }
 
-  // Returns the spatial lags on the common axis; empty if the record has no antenna samples.
+  // Returns the spatial lags; empty if the record has no antenna samples.
   std::vector<float> lags_of(const record::FusedRecord& r) const {
-    const Axis& axis = data_.array_axis;
     std::vector<float> out;
-    if (axis.count == 0 || r.array.empty() || !r.has(Sensor::radar)) return out;
-    out.resize(lag_columns(own_lags_));
-    lags_(r.array, record::antennas_of(array_), out);
-    to_common(out, own_lags_, axis, lag_values(longest_lag(axis)));
+    if (data_.array().axis.count == 0 || r.array.empty() || !r.has(Sensor::radar)) return out;
+    out.resize(array_.size());
+    lags_(r.array, antennas_, out);
     return out;
   }
 
@@ -309,10 +274,12 @@ class Appender {
   std::string path_;
   SensorSet sensors_;
   DepthCheck* depths_;  // null if depth images are not checked
-  Axis spd_, raw_radar_, radar_, x_, y_, array_, own_lags_;
+  ColumnAxis spd_, radar_, array_;
+  Axis x_, y_;
+  std::size_t antennas_ = 0;
+  bool subtracts_noise_ = false;
   SpatialLags lags_;
   PileUp pile_up_;
-  Zones zones_;
   double spd_offset_ps_ = 0;
   // One entry per zone; an entry is empty if its zone needs no shift.
   std::vector<std::optional<Shift>> shifts_;
@@ -360,7 +327,7 @@ Dataset load_recorded(const std::vector<std::string>& paths) {
     append(data, run, 0, static_cast<std::size_t>(run.count()),
            {Sensor::spd, Sensor::radar, Sensor::depth}, note, for_each_part, depths.get());
   }
-  if (const std::string said = depths->text(paths.front(), data.spd_axis); !said.empty())
+  if (const std::string said = depths->text(paths.front(), data.spd().axis); !said.empty())
     std::fprintf(stderr, "%s\n", said.c_str());
   const std::size_t damaged = data.damaged.size(), all = data.size() + damaged;
   if (static_cast<double>(damaged) > most_damaged * static_cast<double>(all))
@@ -370,13 +337,19 @@ Dataset load_recorded(const std::vector<std::string>& paths) {
   return data;
 }
 
+std::uint32_t crc32c_of(const Dataset& data) {
+  std::uint32_t out = 0;
+  for (const Column& column : data.columns)
+    out = crc32c({reinterpret_cast<const std::uint8_t*>(column.values.data()),
+                  column.values.size() * sizeof(float)},
+                 out);
+  return out;
+}
+
 Dataset load(const std::vector<std::string>& paths) {
   Dataset data = load_recorded(paths);
   subtract_range_offset(data, 0);
-  for (const Matrix* table : {&data.spd, &data.radar, &data.depth, &data.array, &data.zone_spd})
-    data.hash = crc32c({reinterpret_cast<const std::uint8_t*>(table->values.data()),
-                        table->values.size() * sizeof(float)},
-                       data.hash);
+  data.hash = crc32c_of(data);
   return data;
 }
 
@@ -397,64 +370,17 @@ void subtract_range_offset(Dataset& data, double offset_m) {
   std::optional<Shift> shift;
   for (std::size_t row = 0; row < data.size(); ++row) {
     if (by_m[row] == 0) continue;
-    if (!shift || by_m[row] != by_m[row - 1]) shift.emplace(by_m[row] / data.radar_axis.step);
-    const auto profile = data.radar.row(row);
-    const std::vector<float> moved = shift->apply({profile.begin(), profile.end()});
-    std::copy(moved.begin(), moved.end(), profile.begin());
-    if (data.array.cols > 0) move_lags(data.array.row(row), data.array_axis, *shift);
+    if (!shift || by_m[row] != by_m[row - 1]) shift.emplace(by_m[row] / data.radar().axis.step);
+    for (Column& column : data.columns)
+      if (column.sensor == Sensor::radar)
+        shift->apply(column.row(row), column.axis.values_per_bin());
   }
-}
-
-Axis radar_bins(double width_m) {
-  constexpr double span_m = 7;
-  const auto count = static_cast<std::uint32_t>(span_m / width_m + 1e-9);
-  return {.name = "radar",
-          .quantity = "binned_power",
-          .unit = "m",
-          .count = count,
-          .start = width_m / 2,
-          .step = width_m};
-}
-
-void rebin_radar(Dataset& data, const Axis& bins) {
-  const Axis& from = data.radar_axis;
-  if (from.quantity != "power" || from.step > bins.step ||
-      from.at(from.count - 0.5) < bins.at(bins.count - 0.5))
-    throw Error(ExitCode::failed, (data.sources.empty() ? "run" : data.sources.front().path) +
-                                      ": the radar axis is " + describe(from) +
-                                      "; it cannot be summed into bins of " + describe(bins));
-  // Converts index i of the profile to a position in the new bins; bin j covers [j, j + 1].
-  const auto edge = [&](double i) { return (from.at(i) - bins.at(-0.5)) / bins.step; };
-  const double width = from.step / bins.step;
-  Matrix table(data.size(), bins.count);
-  std::vector<double> sums(bins.count);
-  for (std::size_t row = 0; row < data.size(); ++row) {
-    if (all_same(data.radar.row(row))) {
-      std::fill_n(table.row(row).begin(), bins.count, data.radar.row(row)[0]);
-      continue;
-    }
-    std::fill(sums.begin(), sums.end(), 0.0);
-    for (std::uint32_t i = 0; i < from.count; ++i) {
-      const double power = data.radar.row(row)[i], end = std::max(edge(i + 0.5), 0.0);
-      const double begin = std::min(edge(i - 0.5), end), bin = std::floor(end);
-      const double share = std::clamp((end - std::max(bin, begin)) / width, 0.0, 1.0);
-      if (bin < bins.count) sums[static_cast<std::size_t>(bin)] += power * (bin > 0 ? share : 1);
-      if (bin > 0 && bin <= bins.count)
-        sums[static_cast<std::size_t>(bin) - 1] += power * (1 - share);
-    }
-    std::copy(sums.begin(), sums.end(), table.row(row).begin());
-  }
-  data.radar = std::move(table);
-  data.radar_axis = bins;
-  drop_array(data);
 }
 
 void require_map(const Dataset& data, const record::MapGrid& grid, const std::string& owner) {
-  if (data.map == grid || data.depth.cols == 0) return;
+  if (data.map == grid || data.depth().cols == 0) return;
   for (std::size_t row = 0; row < data.size(); ++row)
-    if (data.has(row, Sensor::depth))
-      throw map_error(data.sources.empty() ? "run" : data.sources.front().path, data.map, grid,
-                      owner);
+    if (data.has(row, Sensor::depth)) throw map_error(data.path(), data.map, grid, owner);
 }
 
 }  // namespace echofuse::recon

@@ -11,12 +11,10 @@
 #include <vector>
 
 #include "acquire/measurement/depth_map.hpp"
-#include "acquire/measurement/response.hpp"
 #include "acquire/record/run_file.hpp"
-#include "drivers/core/axis.hpp"
-#include "drivers/core/zone.hpp"
 #include "drivers/util/exit_code.hpp"
-#include "recon/numbers/matrix.hpp"
+#include "recon/data/column.hpp"
+#include "recon/data/response.hpp"
 
 namespace echofuse::recon {
 
@@ -37,25 +35,12 @@ struct Source {
   // Calibration offset that has not yet been subtracted from the profiles, m (see
   // subtract_range_offset).
   double radar_offset_m = 0;
-  // Radar response stored in the run file or, after a conversion, the response to which the run was
-  // converted (response_conversion.hpp).
-  record::RadarResponse radar_response = {};
-  // Effect of converting the radar response: the old response width divided by the new one, and the
-  // factor by which white noise was amplified.
-  double times_wider = 1, noise_factor = 1;
+  RunResponse response = {};
   // range_error_m: standard error of the difference between the range offsets of SPD and radar, if
   // both are calibrated. baseline_m: distance between the sensors; 0 if it is not stored in the
   // run.
   std::optional<double> range_error_m = {};
   double baseline_m = 0;
-};
-
-// Sensor data of the room without people, on the axes of a Dataset; one row for each of its tables.
-struct EmptyRoom {
-  std::vector<float> spd, radar, array, zone_spd = {};
-  // Message stating how many records were excluded from the mean; may be empty.
-  std::string left_out = {};
-  bool known() const { return !spd.empty() || !radar.empty(); }
 };
 
 struct DamagedRecord {
@@ -78,25 +63,14 @@ struct Exclusions {
   bool doubtful = true, lossy = false;
 };
 
-// Records of one or several runs as tables, one row per record. If a sensor is missing in a record,
-// its row contains zeros (see has()). If a run does not have a sensor, or the sensor was not
-// loaded, the sensor's axis has count 0.
+// Records of one or several runs as columns, one row per record.
 struct Dataset {
-  // The quantity of `radar_axis` is "power", or "binned_power" after rebinning. The receiver noise
-  // has been subtracted.
-  Axis spd_axis, radar_axis;
-  // Axis of the spatial lags (lags.hpp); empty if the axes of the runs differ.
-  Axis array_axis;
-  bool arrays_differ = false;
+  // Use the functions spd(), radar(), depth() and array().
+  std::vector<Column> columns{{{}, Sensor::spd, Noise::counts},
+                              {{}, Sensor::radar, Noise::power},
+                              {{}, Sensor::depth, Noise::none},
+                              {{}, Sensor::radar, Noise::lags}};
   record::MapGrid map;  // grid of the depth maps
-  // Number of photons per SPD bin, linear radar power per range bin, and depth maps in metres (0:
-  // no return).
-  Matrix spd, radar, depth;
-  Matrix array;  // spatial lags per range bin
-  Zones zones;   // empty for a single-pixel detector
-  // Number of photons per bin of `spd_axis`, one zone after another; no columns if the detector has
-  // a single pixel. `spd` contains the sum over the zones.
-  Matrix zone_spd;
   // Bit mask of the sensors that have data in the record: bit 0 SPD, bit 1 radar, bit 2 depth
   // camera.
   std::vector<std::uint32_t> valid;
@@ -115,10 +89,27 @@ struct Dataset {
   std::vector<std::string> label;
   std::vector<Source> sources;
   std::vector<DamagedRecord> damaged;  // unreadable records, which have no row
-  EmptyRoom empty_room;                // data of the empty room, if known
   std::uint32_t hash = 0;              // CRC-32C of the tables
 
+  // Number of photons per bin of each zone.
+  Column& spd() { return columns[0]; }
+  const Column& spd() const { return columns[0]; }
+  // Linear radar power per range bin, without the receiver noise. The quantity of the axis is
+  // "power", or "binned_power" after rebinning.
+  Column& radar() { return columns[1]; }
+  const Column& radar() const { return columns[1]; }
+  // Depth maps in metres (0: no return).
+  Column& depth() { return columns[2]; }
+  const Column& depth() const { return columns[2]; }
+  // Spatial lags per range bin (lags.hpp).
+  Column& array() { return columns[3]; }
+  const Column& array() const { return columns[3]; }
+
   std::size_t size() const { return valid.size(); }
+  // Returns the number of photons per SPD bin, summed over the zones.
+  std::vector<float> counts(std::size_t row) const;
+  // Returns the path of the first run, for messages.
+  std::string path() const { return sources.empty() ? "run" : sources.front().path; }
   bool has(std::size_t row, Sensor s) const { return SensorSet::from_bits(valid[row]).contains(s); }
   // Returns true if the run has antenna samples but this record has none.
   bool lacks_array(std::size_t row) const;
@@ -157,6 +148,8 @@ std::string left_out_text(const std::map<std::string, std::size_t>& reasons, std
 using OnBadRecord = std::function<void(std::int64_t, const std::string&)>;
 
 SensorSet sensors_of(Inputs inputs);
+// Returns the sensors that the runs of a data set have.
+Inputs inputs_of(const Dataset& data);
 
 // Throws Error(failed) if the tables of the runs would not fit into the machine's memory. Training
 // needs 25 kB per record if maps have 64 x 64 pixels.
@@ -174,6 +167,8 @@ Dataset load(const std::vector<std::string>& paths);
 // interpolation.
 Dataset load_recorded(const std::vector<std::string>& paths);
 inline constexpr double most_damaged = 0.1;
+// Returns the CRC-32C of the columns (Dataset::hash).
+std::uint32_t crc32c_of(const Dataset& data);
 
 // Reads part of a run as recorded: at most `at_most` usable records, starting at record `first`.
 // Calls `on_bad` for each unusable record. Tables of sensors that are not requested stay empty, and
@@ -201,38 +196,33 @@ void rebin_radar(Dataset& data, const Axis& bins);
 // Removes the spatial lags of the antennas but keeps the range profile.
 void drop_array(Dataset& data);
 
-// describe: returns an axis as text for messages. axis_error: returns the error for a wrong axis;
-// `owner` names the run or model that has the expected axis.
-std::string describe(const Axis& axis);
-Error axis_error(const std::string& path, const Axis& found, const Axis& wanted,
+// Returns the error for a wrong axis; `owner` names the run or model that has the expected axis.
+Error axis_error(const std::string& path, const ColumnAxis& found, const ColumnAxis& wanted,
                  const std::string& owner);
 
-// Returns true if the axes are equal or both empty.
-bool agree(const Axis& a, const Axis& b);
-// Returns true if records on axis `found` can be interpolated to axis `wanted`. Quantity, unit and
-// scale must be equal. `found` must not have fewer points than `wanted`, and the ends of the two
-// axes may differ by at most one bin.
-bool is_near(const Axis& found, const Axis& wanted);
-// Resamples a row onto the axis `wanted` by linear interpolation; each bin has `values_a_bin`
-// values. Beyond the ends of `found`, the values of its first or last bin are repeated.
-std::vector<float> resampled(std::span<const float> row, const Axis& found, const Axis& wanted,
-                             std::size_t values_a_bin);
-// Returns true if `wanted` is identical to `found` or to the first part of `found`.
-bool covers(const Axis& found, const Axis& wanted);
+// Returns true if the axes are equal or both empty. The zones must have the same directions in the
+// same order.
+bool agree(const ColumnAxis& a, const ColumnAxis& b);
+// Returns true if records on axis `found` can be interpolated to axis `wanted`. Quantity, unit,
+// scale and zones must be equal. `found` must not have fewer points than `wanted`, and the ends of
+// the two axes may differ by at most one bin.
+bool is_near(const ColumnAxis& found, const ColumnAxis& wanted);
+// Resamples a row onto the axis `wanted` by linear interpolation. Beyond the ends of `found`, the
+// values of its first or last bin are repeated. Crops the row if `wanted` is the first part of
+// `found`.
+std::vector<float> resampled(std::span<const float> row, const ColumnAxis& found,
+                             const ColumnAxis& wanted);
 
 // Throws Error(failed) if the data contain a depth map on a grid other than `grid`; `owner` names
 // the run or model that has the expected grid.
 void require_map(const Dataset& data, const record::MapGrid& grid, const std::string& owner);
 
-// Converts the tables to the axes of a model, for the sensors in `inputs`. A radar axis that has
-// the same start and step but more bins is cropped. Any other axis is interpolated if is_near()
-// returns true. The radar is rebinned if the model uses binned power. Throws Error(failed) if an
-// axis does not match; `owner` names the model that has the expected axes.
-void match_axes(Dataset& data, const Axis& spd, const Axis& radar, Inputs inputs,
+// Converts the columns of the sensors in `inputs` to the axes of a model. A column that has the
+// same start and step but more bins is cropped. Any other column is interpolated if is_near()
+// returns true. Zones are summed if the model expects a single pixel. The radar is rebinned if the
+// model uses binned power. Removes the spatial lags if the model does not use antennas. Throws
+// Error(failed) if an axis does not match; `owner` names the model that has the expected axes.
+void match_axes(Dataset& data, const Layout& wanted, Inputs inputs,
                 const std::string& owner = "the model's");
-// Converts the spatial lags to the axis of a model, in the same way as match_axes(). Removes the
-// lags if the model does not use antennas (`array` has count 0). Throws Error(failed) if the run
-// has no lags or a different axis.
-void match_array(Dataset& data, const Axis& array);
 
 }  // namespace echofuse::recon

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <map>
 
 #include "drivers/util/printable.hpp"
@@ -101,7 +102,7 @@ std::size_t Dataset::source_of(std::size_t row) const {
 }
 
 double Dataset::times_wider(std::size_t row) const {
-  return sources.empty() ? 1 : sources[source_of(row)].times_wider;
+  return sources.empty() ? 1 : sources[source_of(row)].response.times_wider;
 }
 
 std::string Dataset::fault_of(std::size_t row, Inputs inputs) const {
@@ -113,10 +114,9 @@ std::string Dataset::fault_of(std::size_t row, Inputs inputs) const {
     if (needed.contains(s) && !has(row, s))
       missing += (missing.empty() ? "" : " and ") + std::string(name_of(s));
   if (!missing.empty()) return "lacks " + missing + ", which the model needs";
-  if (inputs != Inputs::radar && spd.cols > 1 && all_same(spd.row(row)))
-    return "spd is the same in every bin";
-  if (inputs != Inputs::spd && radar.cols > 1 && all_same(radar.row(row)))
-    return "radar is the same in every bin";
+  for (const Column* column : {&spd(), &radar()})
+    if (needed.contains(column->sensor) && column->cols > 1 && all_same(column->row(row)))
+      return name_of(column->sensor) + std::string(" is the same in every bin");
   return {};
 }
 
@@ -125,27 +125,34 @@ SensorSet sensors_of(Inputs inputs) {
   return {inputs == Inputs::spd ? Sensor::spd : Sensor::radar};
 }
 
+Inputs inputs_of(const Dataset& data) {
+  if (data.radar().axis.count == 0) return Inputs::spd;
+  if (data.spd().axis.count == 0) return Inputs::radar;
+  return data.array().axis.count == 0 ? Inputs::fused_profile : Inputs::fused;
+}
+
+std::vector<float> Dataset::counts(std::size_t row) const {
+  std::vector<float> out(spd().cols / spd().axis.zones.size());
+  for (auto zone = spd().row(row); !zone.empty(); zone = zone.subspan(out.size()))
+    std::transform(out.begin(), out.end(), zone.begin(), out.begin(), std::plus<float>());
+  return out;
+}
+
 bool Dataset::lacks_array(std::size_t row) const {
-  const auto values = array.row(row);
-  return array.cols > 0 &&
+  const auto values = array().row(row);
+  return array().cols > 0 &&
          std::all_of(values.begin(), values.end(), [](float v) { return v == 0; });
 }
 
-void drop_array(Dataset& data) {
-  data.array_axis = {};
-  data.array = Matrix(data.size(), 0);
-}
+void drop_array(Dataset& data) { data.array() = Matrix(data.size(), 0), data.array().axis = {}; }
 
 Dataset part_of(const Dataset& data, const Rows& rows) {
   Dataset out;
-  out.spd_axis = data.spd_axis, out.radar_axis = data.radar_axis, out.map = data.map;
-  out.array_axis = data.array_axis;
-  out.spd = take_rows(data.spd, rows), out.radar = take_rows(data.radar, rows);
-  out.array = take_rows(data.array, rows);
-  out.zones = data.zones, out.zone_spd = take_rows(data.zone_spd, rows);
-  out.empty_room = data.empty_room;
-  out.exclusions = data.exclusions;
-  out.depth = take_rows(data.depth, rows);
+  out.map = data.map, out.exclusions = data.exclusions;
+  for (std::size_t k = 0; k < out.columns.size(); ++k) {
+    out.columns[k].axis = data.columns[k].axis;
+    out.columns[k] = take_rows(data.columns[k], rows);
+  }
   for (const std::size_t row : rows) {
     out.valid.push_back(data.valid[row]);
     if (!data.verdicts.empty()) out.verdicts.push_back(data.verdicts[row]);

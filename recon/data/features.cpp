@@ -37,37 +37,18 @@ float gain_for(std::span<const double> variances, double wanted) {
 
 }  // namespace
 
-void require_zones(const Dataset& data, const Zones& expected) {
-  if (expected.empty()) return;
-  const std::string path = data.sources.empty() ? "the run" : data.sources.front().path;
-  if (data.zones.size() != expected.size())
-    throw Error(ExitCode::failed,
-                path + ": the detector has " + std::to_string(histograms_of(data.zones)) +
-                    " zones; the model expects " + std::to_string(expected.size()));
-  for (std::size_t z = 0; z < expected.size(); ++z) {
-    const Zone &found = data.zones[z], &own = expected[z];
-    if (same_direction(found, own)) continue;
-    if (found.has_direction() != own.has_direction())
-      throw Error(ExitCode::failed,
-                  path + ": the directions of the detector zones are " +
-                      (found.has_direction() ? "known, but unknown" : "unknown, but known") +
-                      " in the training data");
-    throw Error(ExitCode::failed,
-                path + formatted(": detector zone %zu is at x %.2f, y %.2f (tangents); the model "
-                                 "expects x %.2f, y %.2f; are the zones in another order?",
-                                 z, found.x, found.y, own.x, own.y));
-  }
+Layout Features::layout() const {
+  Layout out = axes;
+  if (inputs == Inputs::radar) out.spd = {};
+  if (inputs == Inputs::spd) out.radar = {};
+  return out;
 }
 
 Matrix Features::raw_inputs(const Dataset& data, const Rows& rows) const {
-  require_zones(data, zones);
-  const Matrix& histograms = zones.empty() ? data.spd : data.zone_spd;
   Matrix out(rows.size(), count());
   for (std::size_t i = 0; i < rows.size(); ++i) {
-    const auto row = out.row(i);
-    if (spd_count() > 0) std::copy_n(histograms.row(rows[i]).begin(), spd_count(), row.begin());
-    std::copy_n(data.radar.row(rows[i]).begin(), radar_count(),
-                row.begin() + static_cast<std::ptrdiff_t>(spd_count()));
+    const auto to = std::copy_n(data.spd().row(rows[i]).begin(), spd_count(), out.row(i).begin());
+    std::copy_n(data.radar().row(rows[i]).begin(), radar_count(), to);
   }
   return out;
 }
@@ -93,10 +74,9 @@ Matrix Features::apply(const Dataset& data, const Rows& rows) const {
 
 Features fit_features(const Dataset& data, const Rows& rows, Inputs inputs,
                       const std::string& scaling) {
-  Features f{inputs, scaling, data.spd_axis, data.radar_axis, {}, 1, 1};
-  if (inputs != Inputs::radar) f.zones = data.zones;
+  Features f{inputs, scaling, {data.spd().axis, data.radar().axis}, {}, 1, 1};
   if (scaling == raw_scaling || rows.empty()) {
-    if (scaling == raw_scaling && inputs == Inputs::fused) f.array_axis = data.array_axis;
+    if (scaling == raw_scaling && inputs == Inputs::fused) f.axes.array = data.array().axis;
     f.centre.assign(f.count(), 0);
     return f;
   }

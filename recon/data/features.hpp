@@ -10,8 +10,6 @@
 #include <vector>
 
 #include "recon/data/dataset.hpp"
-#include "recon/data/lags.hpp"
-#include "recon/numbers/layout.hpp"
 
 namespace echofuse::recon {
 
@@ -32,28 +30,20 @@ inline const std::string raw_scaling = "raw";
 void normalise(std::span<float> values);
 
 struct Features {
-  Layout layout() const {
-    return {spd_count() > 0 ? spd_axis : Axis{}, radar_count() > 0 ? radar_axis : Axis{},
-            array_axis, zones.size()};
-  }
   Inputs inputs = Inputs::fused;
   std::string scaling = "record";
-  Axis spd_axis, radar_axis;           // required axes of the records
+  // Required axes of the records. The count of the array axis is 0 if the inputs contain no spatial
+  // lags.
+  Layout axes;
   std::vector<float> centre;           // value subtracted from each input
   float spd_gain = 1, radar_gain = 1;  // factors that multiply the SPD and radar inputs
-  Axis array_axis = {};                // its count is 0 if the inputs contain no spatial lags
-  // Zones that have separate histograms as inputs; empty: the only histogram is the sum over all
-  // zones. A model file stores their number and directions.
-  Zones zones = {};
 
-  std::size_t spd_count() const {
-    return inputs == Inputs::radar ? 0 : spd_axis.count * histograms_of(zones);
-  }
-  std::size_t radar_count() const { return inputs == Inputs::spd ? 0 : radar_axis.count; }
-  std::size_t array_count() const { return lag_columns(array_axis); }
+  Layout layout() const;  // returns the axes of the sensors in `inputs`
+  std::size_t spd_count() const { return inputs == Inputs::radar ? 0 : axes.spd.size(); }
+  std::size_t radar_count() const { return inputs == Inputs::spd ? 0 : axes.radar.size(); }
+  std::size_t array_count() const { return axes.array.size(); }
   std::size_t count() const { return spd_count() + radar_count() + array_count(); }
-  // Returns unscaled inputs [rows x count()], SPD first. Throws Error(failed) if the zones of
-  // the data differ from those of the model.
+  // Returns unscaled inputs [rows x count()], SPD first.
   Matrix raw_inputs(const Dataset& data, const Rows& rows) const;
   // Returns the inputs after the scaling of each record, before the centre and the gains are
   // applied.
@@ -62,10 +52,6 @@ struct Features {
   // the gains.
   Matrix apply(const Dataset& data, const Rows& rows) const;
 };
-
-// Throws Error(failed) if the detector does not have these zones in this order. Compares their
-// number and directions. An empty list allows any zones.
-void require_zones(const Dataset& data, const Zones& expected);
 
 // Computes the centre and the gains from `rows`, so that all sensors have the same total variance.
 // If `rows` is empty or the scaling is "raw", the centre is 0 and the gains are 1.

@@ -78,16 +78,6 @@ void SpatialLags::operator()(std::span<const float> array, std::size_t antennas,
     (*this)(record::bin_of(array, antennas, b), out.subspan(b * values, values));
 }
 
-void move_lags(std::span<float> lags, const Axis& axis, const Shift& shift) {
-  const std::size_t values = lag_values(longest_lag(axis));
-  std::vector<float> column(axis.count);
-  for (std::size_t k = 0; k < values; ++k) {
-    for (std::size_t b = 0; b < column.size(); ++b) column[b] = lags[b * values + k];
-    const std::vector<float> moved = shift.apply(column);
-    for (std::size_t b = 0; b < column.size(); ++b) lags[b * values + k] = moved[b];
-  }
-}
-
 Axis lags_axis(const Axis& array, const SpatialLags& lags) {
   Axis out = array;
   out.quantity = lags.quantity();

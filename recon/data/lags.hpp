@@ -17,8 +17,6 @@
 
 #include "acquire/measurement/radar_array.hpp"
 #include "drivers/core/axis.hpp"
-#include "recon/data/shift.hpp"
-#include "recon/numbers/layout.hpp"
 
 namespace echofuse::recon {
 
@@ -51,19 +49,10 @@ class SpatialLags {
   std::vector<Pair> pairs_;
 };
 
-// Returns the number of lags, D, which is stored as the scale of the axis.
-inline std::size_t longest_lag(const Axis& lags) { return static_cast<std::size_t>(lags.scale); }
 inline std::size_t lag_values(std::size_t longest) { return 2 * longest + 1; }
-// Returns the number of lag values per record.
-inline std::size_t lag_columns(const Axis& lags) {
-  return lags.count > 0 ? lags.count * lag_values(longest_lag(lags)) : 0;
-}
 
 // Returns the lag axis for a run's antenna axis. The count of the lag axis is 0 if the antennas
 // cannot measure the azimuth.
 Axis lags_axis(const Axis& array, const SpatialLags& lags);
-
-// Shifts the lags of a record along the range axis.
-void move_lags(std::span<float> lags, const Axis& axis, const Shift& shift);
 
 }  // namespace echofuse::recon

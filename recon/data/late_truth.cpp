@@ -20,8 +20,7 @@ constexpr double clear = 5;
 
 // Returns the mean bin index, weighted by the counts above the median. NaN if no count exceeds the
 // median.
-double mean_bin(std::span<const float> counts) {
-  std::vector<float> over(counts.begin(), counts.end());
+double mean_bin(std::vector<float> over) {
   subtract_median(over);
   double sum = 0, weight = 0;
   for (std::size_t i = 0; i < over.size(); ++i) {
@@ -71,12 +70,12 @@ std::string late_truth_of(const Dataset& data, const Source& run, const std::vec
 }  // namespace
 
 std::string late_truth(const Dataset& data) {
-  if (data.spd_axis.count == 0 || data.depth.cols == 0) return {};
+  if (data.spd().axis.count == 0 || data.depth().cols == 0) return {};
   std::vector<double> range(data.size(), NAN), depth(data.size(), NAN);
   for (std::size_t row = 0; row < data.size(); ++row) {
     if (data.has(row, Sensor::spd) && data.doubt_of(row, Inputs::spd, false).empty())
-      range[row] = mean_bin(data.spd.row(row));
-    if (data.sound_depth(row)) depth[row] = mean_depth(data.depth.row(row));
+      range[row] = mean_bin(data.counts(row));
+    if (data.sound_depth(row)) depth[row] = mean_depth(data.depth().row(row));
   }
   std::string out;
   for (const Source& run : data.sources)

@@ -4,14 +4,36 @@
 
 #include "drivers/util/printable.hpp"
 #include "recon/data/dataset.hpp"
-#include "recon/data/lags.hpp"
+#include "recon/numbers/statistics.hpp"
 #include "recon/numbers/text.hpp"
 
 namespace echofuse::recon {
 namespace {
 
+std::string describe(const Axis& a) {
+  if (a.count == 0) return "none";
+  return std::to_string(a.count) + " x " + std::to_string(a.step) + " " + printable(a.unit, 20) +
+         " from " + std::to_string(a.start) + " " + printable(a.unit, 20) + " (" +
+         printable(a.quantity, 20) + ")";
+}
+
+// Describes how the zones differ; empty if they agree.
+std::string difference(const Zones& found, const Zones& wanted) {
+  if (found.size() != wanted.size())
+    return formatted("%zu zones, expected %zu", found.size(), wanted.size());
+  const auto [a, b] = std::ranges::mismatch(found, wanted, same_direction);
+  if (a == found.end()) return {};
+  const auto known = [](const Zone& zone) { return zone.has_direction() ? "known" : "unknown"; };
+  if (a->has_direction() != b->has_direction())
+    return formatted("the directions of the zones are %s, expected %s", known(*a), known(*b));
+  return formatted(
+      "zone %td is at x %.2f, y %.2f (tangents), expected x %.2f, y %.2f; are the zones in another "
+      "order?",
+      a - found.begin(), a->x, a->y, b->x, b->y);
+}
+
 // Describes how the axes differ if is_near() returned false.
-std::string difference(const Axis& found, const Axis& wanted) {
+std::string difference(const ColumnAxis& found, const ColumnAxis& wanted) {
   if (found.count == 0 || wanted.count == 0) return "one of the two axes is missing";
   if (found.quantity != wanted.quantity || found.unit != wanted.unit)
     return "quantity or unit differs";
@@ -26,114 +48,141 @@ std::string difference(const Axis& found, const Axis& wanted) {
     add(formatted("step differs: %.4g bins at the end of the axis (limit 1)", drift / limit));
   if (found.count < wanted.count)
     add(formatted("too short: %u bins, expected %u", found.count, wanted.count));
+  if (const std::string zones = difference(found.zones, wanted.zones); !zones.empty()) add(zones);
   return out.empty() ? formatted("end differs by %.4g bins (limit 1)", off(wanted.count) / limit)
                      : out;
 }
 
-void resample(Matrix& table, const Axis& found, const Axis& wanted, std::size_t values_a_bin) {
-  Matrix out(0, wanted.count * values_a_bin);
-  for (std::size_t row = 0; row < table.rows; ++row)
-    out.add_row(resampled(table.row(row), found, wanted, values_a_bin));
-  table = std::move(out);
+// Returns true if `wanted` is identical to `found` or to the first part of `found`.
+bool covers(ColumnAxis found, const ColumnAxis& wanted) {
+  found.count = std::min(found.count, wanted.count);
+  return agree(found, wanted);
 }
 
-void resample_zones(Dataset& data, const Axis& wanted) {
-  Matrix out(0, data.zones.size() * wanted.count);
-  for (std::size_t row = 0; row < data.zone_spd.rows; ++row, ++out.rows)
-    for (std::size_t z = 0; z < data.zones.size(); ++z) {
-      const auto zone =
-          data.zone_spd.row(row).subspan(z * data.spd_axis.count, data.spd_axis.count);
-      const std::vector<float> values = resampled(zone, data.spd_axis, wanted, 1);
-      out.values.insert(out.values.end(), values.begin(), values.end());
-    }
-  data.zone_spd = std::move(out);
+void match(const Dataset& data, Column& column, const ColumnAxis& wanted,
+           const std::string& owner) {
+  if (agree(column.axis, wanted)) return;
+  if (!is_near(column.axis, wanted)) throw axis_error(data.path(), column.axis, wanted, owner);
+  Matrix out(0, wanted.size());
+  for (std::size_t row = 0; row < column.rows; ++row)
+    out.add_row(resampled(column.row(row), column.axis, wanted));
+  column = std::move(out), column.axis = wanted;
+}
+
+void sum_zones(Dataset& data) {
+  Column& spd = data.spd();
+  if (spd.axis.zones.size() == 1) return;
+  Matrix out(0, spd.axis.count);
+  for (std::size_t row = 0; row < spd.rows; ++row) out.add_row(data.counts(row));
+  spd = std::move(out), spd.axis.zones = single_pixel();
 }
 
 }  // namespace
 
-std::string describe(const Axis& a) {
-  if (a.count == 0) return "none";
-  return std::to_string(a.count) + " x " + std::to_string(a.step) + " " + printable(a.unit, 20) +
-         " from " + std::to_string(a.start) + " " + printable(a.unit, 20) + " (" +
-         printable(a.quantity, 20) + ")";
-}
-
-Error axis_error(const std::string& path, const Axis& found, const Axis& wanted,
+Error axis_error(const std::string& path, const ColumnAxis& found, const ColumnAxis& wanted,
                  const std::string& whose) {
   return {ExitCode::failed, printable(path) + ": " + wanted.name + " axis is " + describe(found) +
                                 ", " + whose + " is " + describe(wanted) + ": " +
                                 difference(found, wanted)};
 }
 
-std::vector<float> resampled(std::span<const float> row, const Axis& found, const Axis& wanted,
-                             std::size_t values_a_bin) {
-  std::vector<float> out(wanted.count * values_a_bin);
-  for (std::uint32_t j = 0; j < wanted.count; ++j) {
-    const double place = std::clamp((wanted.at(j) - found.start) / found.step, 0.0,
-                                    static_cast<double>(found.count - 1));
-    const auto i = static_cast<std::size_t>(place);
-    const std::size_t next = std::min<std::size_t>(i + 1, found.count - 1);
-    const auto part = static_cast<float>(place - static_cast<double>(i));
-    for (std::size_t k = 0; k < values_a_bin; ++k)
-      out[j * values_a_bin + k] =
-          (1 - part) * row[i * values_a_bin + k] + part * row[next * values_a_bin + k];
-  }
+std::vector<float> resampled(std::span<const float> row, const ColumnAxis& found,
+                             const ColumnAxis& wanted) {
+  const std::size_t values = wanted.values_per_bin();
+  const bool cropped = covers(found, wanted);
+  std::vector<float> out;
+  out.reserve(wanted.size());
+  for (; out.size() < wanted.size(); row = row.subspan(found.zone_size()))
+    for (std::uint32_t j = 0; j < wanted.count; ++j) {
+      const double place = cropped ? j
+                                   : std::clamp((wanted.at(j) - found.start) / found.step, 0.0,
+                                                static_cast<double>(found.count - 1));
+      const auto i = static_cast<std::size_t>(place);
+      const std::size_t next = std::min<std::size_t>(i + 1, found.count - 1);
+      const auto part = static_cast<float>(place - static_cast<double>(i));
+      for (std::size_t k = 0; k < values; ++k)
+        out.push_back((1 - part) * row[i * values + k] + part * row[next * values + k]);
+    }
   return out;
 }
 
-bool is_near(const Axis& found, const Axis& wanted) {
+bool agree(const ColumnAxis& a, const ColumnAxis& b) {
+  if (a.count != b.count || a.count == 0) return a.count == b.count;
+  ColumnAxis other = b;
+  other.zones = a.zones;
+  return same_axis(a, other) && std::ranges::equal(a.zones, b.zones, same_direction);
+}
+
+bool is_near(const ColumnAxis& found, const ColumnAxis& wanted) {
   const auto off = [&](std::uint32_t i) { return std::abs(found.at(i) - wanted.at(i)); };
   return found.quantity == wanted.quantity && found.unit == wanted.unit &&
          found.scale == wanted.scale && found.count >= wanted.count &&
-         off(0) <= std::abs(wanted.step) && off(wanted.count) <= std::abs(wanted.step);
+         off(0) <= std::abs(wanted.step) && off(wanted.count) <= std::abs(wanted.step) &&
+         std::ranges::equal(found.zones, wanted.zones, same_direction);
 }
 
-bool covers(const Axis& found, const Axis& wanted) {
-  Axis cropped = found;
-  cropped.count = std::min(found.count, wanted.count);
-  return agree(cropped, wanted);
+Axis radar_bins(double width_m) {
+  constexpr double span_m = 7;
+  const auto count = static_cast<std::uint32_t>(span_m / width_m + 1e-9);
+  return {.name = "radar",
+          .quantity = "binned_power",
+          .unit = "m",
+          .count = count,
+          .start = width_m / 2,
+          .step = width_m};
 }
 
-void match_axes(Dataset& data, const Axis& spd, const Axis& radar, Inputs inputs,
-                const std::string& owner) {
-  const std::string path = data.sources.empty() ? "run" : data.sources.front().path;
-  if (inputs != Inputs::radar && !agree(data.spd_axis, spd)) {
-    if (!is_near(data.spd_axis, spd)) throw axis_error(path, data.spd_axis, spd, owner);
-    resample(data.spd, data.spd_axis, spd, 1);
-    if (!data.zones.empty()) resample_zones(data, spd);
-    data.spd_axis = spd;
+void rebin_radar(Dataset& data, const Axis& bins) {
+  Column& radar = data.radar();
+  const Axis& from = radar.axis;
+  if (from.quantity != "power" || from.step > bins.step ||
+      from.at(from.count - 0.5) < bins.at(bins.count - 0.5))
+    throw Error(ExitCode::failed, data.path() + ": the radar axis is " + describe(from) +
+                                      "; it cannot be summed into bins of " + describe(bins));
+  // Converts index i of the profile to a position in the new bins; bin j covers [j, j + 1].
+  const auto edge = [&](double i) { return (from.at(i) - bins.at(-0.5)) / bins.step; };
+  const double width = from.step / bins.step;
+  Matrix table(data.size(), bins.count);
+  std::vector<double> sums(bins.count);
+  for (std::size_t row = 0; row < data.size(); ++row) {
+    if (all_same(radar.row(row))) {
+      std::fill_n(table.row(row).begin(), bins.count, radar.row(row)[0]);
+      continue;
+    }
+    std::fill(sums.begin(), sums.end(), 0.0);
+    for (std::uint32_t i = 0; i < from.count; ++i) {
+      const double power = radar.row(row)[i], end = std::max(edge(i + 0.5), 0.0);
+      const double begin = std::min(edge(i - 0.5), end), bin = std::floor(end);
+      const double share = std::clamp((end - std::max(bin, begin)) / width, 0.0, 1.0);
+      if (bin < bins.count) sums[static_cast<std::size_t>(bin)] += power * (bin > 0 ? share : 1);
+      if (bin > 0 && bin <= bins.count)
+        sums[static_cast<std::size_t>(bin) - 1] += power * (1 - share);
+    }
+    std::copy(sums.begin(), sums.end(), table.row(row).begin());
   }
-  if (inputs == Inputs::spd) return;
-  if (radar.quantity == "binned_power" && data.radar_axis.quantity == "power")
-    rebin_radar(data, radar);
-  if (!covers(data.radar_axis, radar)) {
-    if (!is_near(data.radar_axis, radar)) throw axis_error(path, data.radar_axis, radar, owner);
-    resample(data.radar, data.radar_axis, radar, 1);
-    data.radar_axis = radar;
-  }
-  if (data.radar_axis.count == radar.count) return;
-  data.radar = first_columns(data.radar, radar.count);
-  data.radar_axis.count = radar.count;
+  radar = std::move(table), radar.axis = bins;
+  drop_array(data);
 }
 
-void match_array(Dataset& data, const Axis& array) {
-  if (array.count == 0) return drop_array(data);
-  const std::string path = data.sources.empty() ? "run" : data.sources.front().path;
-  if (data.array_axis.count == 0)
+void match_axes(Dataset& data, const Layout& wanted, Inputs inputs, const std::string& owner) {
+  const SensorSet sensors = sensors_of(inputs);
+  if (sensors.contains(Sensor::spd)) {
+    if (wanted.spd.zones.size() == 1) sum_zones(data);
+    match(data, data.spd(), wanted.spd, owner);
+  }
+  if (sensors.contains(Sensor::radar)) {
+    if (wanted.radar.quantity == "binned_power" && data.radar().axis.quantity == "power")
+      rebin_radar(data, wanted.radar);
+    match(data, data.radar(), wanted.radar, owner);
+  }
+  if (inputs != Inputs::fused || wanted.array.count == 0) return drop_array(data);
+  if (data.array().axis.count == 0)
     throw Error(
         ExitCode::failed,
-        printable(path) +
+        printable(data.path()) +
             ": contains no radar antenna samples, which the model needs; for such runs train a "
             "model with --inputs fused-profile");
-  if (!covers(data.array_axis, array)) {
-    if (!is_near(data.array_axis, array))
-      throw axis_error(path, data.array_axis, array, "the model's");
-    resample(data.array, data.array_axis, array, lag_values(longest_lag(array)));
-    data.array_axis = array;
-  }
-  if (data.array_axis.count == array.count) return;
-  data.array = first_columns(data.array, lag_columns(array));
-  data.array_axis.count = array.count;
+  match(data, data.array(), wanted.array, owner);
 }
 
 }  // namespace echofuse::recon

@@ -8,7 +8,6 @@
 #include <numeric>
 #include <random>
 
-#include "recon/data/lags.hpp"
 #include "recon/numbers/parallel.hpp"
 #include "recon/numbers/statistics.hpp"
 
@@ -86,9 +85,11 @@ float quiet_deviation(const Matrix& table, const Rows& rows, std::size_t first,
   return deviations.empty() ? 0 : quantile(deviations, 0.25);
 }
 
-// Returns the number of lag values per range bin; 0 if there are no lags.
-std::size_t lags_of(const Dataset& data) {
-  return data.array_axis.count > 0 ? lag_values(longest_lag(data.array_axis)) : 0;
+// Calls `change` for each column of the radar that has values.
+template <class Data, class Change>
+void for_each_of_radar(Data& data, Change change) {
+  for (auto& column : data.columns)
+    if (column.sensor == Sensor::radar && column.cols > 0) change(column);
 }
 
 double noise_factor_of(const std::vector<double>& weights) {
@@ -118,33 +119,47 @@ std::vector<double> response_filter(const record::RadarResponse& own,
   return {out.begin(), out.end()};
 }
 
-record::RadarResponse widest_response(const Dataset& data) {
-  record::RadarResponse out;
-  double widest_m = 0;
-  for (const Source& source : data.sources) {
-    if (!source.radar_response.known()) continue;
-    if (const double width_m = source.radar_response.width_m(); width_m > widest_m)
-      widest_m = width_m, out = source.radar_response;
-  }
-  return out;
+ModelResponse::ModelResponse(const Dataset& data, bool any_of_runs) : any(any_of_runs) {
+  for (const Source& source : data.sources)
+    if (const auto& own = source.response.radar;
+        own.known() && (!radar.known() || own.width_m() > radar.width_m()))
+      radar = own;
 }
 
-void bring_to_response(Dataset& data, const record::RadarResponse& wanted, bool knows_any) {
-  if (!wanted.known() || data.radar_axis.quantity != "power" || data.radar_axis.unit != "m") return;
+void ModelResponse::convert(Dataset& data) const {
+  const Axis& axis = data.radar().axis;
+  if (!radar.known() || axis.quantity != "power" || axis.unit != "m") return;
   for (Source& source : data.sources) {
-    if (!source.radar_response.known() || source.radar_response == wanted) continue;
-    if (knows_any && source.radar_response.width_m() < much_narrower * wanted.width_m()) continue;
-    const auto weights = response_filter(source.radar_response, wanted, data.radar_axis.step);
-    const std::size_t lags = lags_of(data);
-    for_each_part(source.count, [&](std::size_t i) {
-      const std::size_t row = source.first + i;
-      if (!all_same(data.radar.row(row))) filter(data.radar.row(row), 1, weights);
-      if (lags > 0) filter(data.array.row(row), lags, weights);
+    RunResponse& own = source.response;
+    if (!own.radar.known() || own.radar == radar) continue;
+    if (any && own.radar.width_m() < much_narrower * radar.width_m()) continue;
+    const auto weights = response_filter(own.radar, radar, axis.step);
+    for_each_of_radar(data, [&](Column& column) {
+      for_each_part(source.count, [&](std::size_t i) {
+        const auto row = column.row(source.first + i);
+        if (!all_same(row)) filter(row, column.axis.values_per_bin(), weights);
+      });
     });
-    source.times_wider = source.radar_response.width_m() / wanted.width_m();
-    source.noise_factor = noise_factor_of(weights);
-    source.radar_response = wanted;
+    own = {radar, own.radar.width_m() / radar.width_m(), noise_factor_of(weights)};
   }
+}
+
+std::string ModelResponse::note(const Dataset& data) const {
+  const bool stated = std::ranges::all_of(
+      data.sources, [](const Source& run) { return run.response.radar.known(); });
+  if (!radar.known() || data.radar().axis.count == 0 || stated) return {};
+  return "the run contains no radar response; the response of the training data is assumed";
+}
+
+void ModelResponse::archive(Archive archive) {
+  archive.count("any", any, 0, 1);
+  if (!archive.part("known", radar.known())) return;
+  archive.number("cell_m", radar.cell_m, 1e-3, 10);
+  archive.values("taps", radar.taps, Archive::any);
+  archive.require(radar.taps.size() >= 3 && radar.taps.size() <= record::RadarResponse::most_taps &&
+                      std::abs(radar.taps[0] - 1) < 1e-3 &&
+                      std::ranges::all_of(radar.taps, [](double v) { return v >= 0 && v <= 2; }),
+                  "taps", "expected 3 to 64 powers relative to the peak, the first equal to 1");
 }
 
 std::vector<record::RadarResponse> wider_responses(const record::RadarResponse& than) {
@@ -157,30 +172,44 @@ std::vector<record::RadarResponse> wider_responses(const record::RadarResponse& 
   return out;
 }
 
-RadarNoise::RadarNoise(const Dataset& data, const Rows& rows)
-    : power(quiet_deviation(data.radar, rows, 0, 1)) {
-  const std::size_t count = lags_of(data);
-  for (std::size_t k = 0; k < count; ++k)
-    lags.push_back(quiet_deviation(data.array, rows, k, count));
+RadarNoise radar_noise(const Dataset& data, const Rows& rows) {
+  RadarNoise out;
+  for_each_of_radar(data, [&](const Column& column) {
+    auto& deviations = out.emplace_back();
+    const std::size_t count = column.axis.values_per_bin();
+    for (std::size_t k = 0; k < count; ++k)
+      deviations.push_back(quiet_deviation(column, rows, k, count));
+  });
+  return out;
 }
 
-void imitate_brought(Dataset& data, const record::RadarResponse& own,
-                     const record::RadarResponse& wider, const RadarNoise& noise, Rng& rng) {
-  const double step_m = data.radar_axis.step;
+WiderRadars::WiderRadars(const Dataset& data, const Rows& rows, Inputs inputs) {
+  if (inputs == Inputs::spd) return;
+  own_ = ModelResponse(data).radar, wider_ = wider_responses(own_);
+  if (!wider_.empty()) noise_ = radar_noise(data, rows);
+}
+
+Dataset WiderRadars::imitated(std::size_t k, const Dataset& from, const Rows& rows,
+                              Rng& rng) const {
+  Dataset data = part_of(from, rows);
+  const record::RadarResponse &own = own_, &wider = wider_[k];
+  const double step_m = data.radar().axis.step;
   const auto widen = response_filter(own, wider, step_m),
              back = response_filter(wider, own, step_m);
   std::normal_distribution<float> normal;
-  const auto bring = [&](std::span<float> row, std::size_t stride, auto deviation_of) {
-    if (row.empty() || all_same(row)) return;
-    filter(row, stride, widen);
-    for (std::size_t i = 0; i < row.size(); ++i) row[i] += deviation_of(i) * normal(rng);
-    filter(row, stride, back);
-  };
   for (std::size_t row = 0; row < data.size(); ++row) {
-    bring(data.radar.row(row), 1, [&](std::size_t) { return noise.power; });
-    if (const std::size_t count = noise.lags.size(); count > 0)
-      bring(data.array.row(row), count, [&](std::size_t i) { return noise.lags[i % count]; });
+    auto deviations = noise_.begin();
+    for_each_of_radar(data, [&](Column& column) {
+      const auto values = column.row(row);
+      const std::vector<float>& deviation = *deviations++;
+      if (all_same(values)) return;
+      filter(values, deviation.size(), widen);
+      for (std::size_t i = 0; i < values.size(); ++i)
+        values[i] += deviation[i % deviation.size()] * normal(rng);
+      filter(values, deviation.size(), back);
+    });
   }
+  return data;
 }
 
 }  // namespace echofuse::recon

@@ -4,11 +4,12 @@
 // conversion is a linear filter. It is exact for incoherent echoes, because their powers add up;
 // for coherent echoes it is correct on average.
 #pragma once
+#include <string>
 #include <vector>
 
-#include "acquire/measurement/response.hpp"
 #include "drivers/core/random.hpp"
 #include "recon/data/dataset.hpp"
+#include "recon/numbers/tensor_file.hpp"
 
 namespace echofuse::recon {
 
@@ -19,32 +20,52 @@ namespace echofuse::recon {
 std::vector<double> response_filter(const record::RadarResponse& own,
                                     const record::RadarResponse& wanted, double step_m);
 
-// Returns the widest radar response of the runs, because conversion to a wider response adds no
-// noise. The result is unknown if no run includes its response.
-record::RadarResponse widest_response(const Dataset& data);
+// Radar response of the training data of a model.
+struct ModelResponse {
+  record::RadarResponse radar;  // unknown if the training runs do not contain it
+  // The training runs need not include their radar responses, which may then differ.
+  bool any = false;
 
-// Filters the radar profiles and lags of each run that includes its radar response, and stores the
-// new response in the run's Source. Does not change other runs, binned power, or the rows of a dead
-// sensor. If `knows_any` is true (the model was trained for any response), responses much narrower
-// than `wanted` are not converted either, because widening them would reduce the accuracy.
-void bring_to_response(Dataset& data, const record::RadarResponse& wanted, bool knows_any = false);
+  ModelResponse() = default;
+  // Chooses the widest radar response of the runs, because conversion to a wider response adds no
+  // noise. The result is unknown if no run includes its response.
+  explicit ModelResponse(const Dataset& data, bool any_of_runs = false);
+
+  // Filters the radar profiles and lags of each run that includes its radar response, and stores
+  // the new response in the run's Source. Does not change other runs, binned power, or the rows of
+  // a dead sensor. If `any` is true, responses much narrower than `radar` are not converted either,
+  // because widening them would reduce the accuracy.
+  void convert(Dataset& data) const;
+  // Returns a note if the data set lacks a response that this model needs; otherwise empty.
+  std::string note(const Dataset& data) const;
+  void archive(Archive archive);
+};
 
 // Returns those responses of the sweep windows cos^2, cos^4, cos^6 and cos^8 (Harris, Proc. IEEE
 // 66, 1978) that are at least 5 % wider than `than`, with the narrowest first.
 std::vector<record::RadarResponse> wider_responses(const record::RadarResponse& than);
 
-// Standard deviations, in each bin, of the noise in the radar power and in each lag value.
-// Estimated as the lower quartile over the bins, because bins with bodies vary more between
-// records.
-struct RadarNoise {
-  RadarNoise(const Dataset& data, const Rows& rows);
-  float power = 0;
-  std::vector<float> lags;
-};
+// Standard deviations of the noise in each value of a bin, for each column of the radar. Estimated
+// as the lower quartile over the bins, because bins with bodies vary more between records.
+using RadarNoise = std::vector<std::vector<float>>;
+RadarNoise radar_noise(const Dataset& data, const Rows& rows);
 
-// Makes the records resemble those of a radar with the response `wider` after conversion to the
-// response `own`: echoes lose detail, and the filter colours the noise.
-void imitate_brought(Dataset& data, const record::RadarResponse& own,
-                     const record::RadarResponse& wider, const RadarNoise& noise, Rng& rng);
+// Radars with wider responses (wider_responses) than that of the training data.
+class WiderRadars {
+ public:
+  // `rows`: records from which the noise is estimated. There are no radars if the response is
+  // unknown, or if the inputs do not include the radar.
+  WiderRadars(const Dataset& data, const Rows& rows, Inputs inputs);
+  std::size_t size() const { return wider_.size(); }
+  double times_wider(std::size_t k) const { return wider_[k].width_m() / own_.width_m(); }
+  // Returns these records as if they were recorded with radar k and then converted to the response
+  // of the training data: echoes lose detail, and the filter colours the noise.
+  Dataset imitated(std::size_t k, const Dataset& from, const Rows& rows, Rng& rng) const;
+
+ private:
+  record::RadarResponse own_;
+  std::vector<record::RadarResponse> wider_;
+  RadarNoise noise_;
+};
 
 }  // namespace echofuse::recon

@@ -47,4 +47,13 @@ std::vector<float> Shift::apply(const std::vector<float>& values) const {
   return out;
 }
 
+void Shift::apply(std::span<float> row, std::size_t stride) const {
+  std::vector<float> column(row.size() / stride);
+  for (std::size_t k = 0; k < stride; ++k) {
+    for (std::size_t b = 0; b < column.size(); ++b) column[b] = row[b * stride + k];
+    const std::vector<float> shifted = apply(column);
+    for (std::size_t b = 0; b < column.size(); ++b) row[b * stride + k] = shifted[b];
+  }
+}
+
 }  // namespace echofuse::recon

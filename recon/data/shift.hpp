@@ -3,6 +3,7 @@
 #pragma once
 #include <array>
 #include <cstddef>
+#include <span>
 #include <vector>
 
 namespace echofuse::recon {
@@ -17,6 +18,8 @@ class Shift {
   // A constant row (dead sensor) is not changed, because zeros at its ends would hide the fault
   // from Dataset::fault_of().
   std::vector<float> apply(const std::vector<float>& values) const;
+  // Shifts each of the `stride` interleaved columns of a row.
+  void apply(std::span<float> row, std::size_t stride) const;
 
  private:
   std::ptrdiff_t whole_ = 0;

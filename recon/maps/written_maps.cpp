@@ -201,7 +201,7 @@ std::size_t count_maps(const WrittenMaps& maps, const Dataset& data, const Rows&
 
 Matrix maps_of(const WrittenMaps& maps, const Dataset& data, const Rows& rows,
                const std::vector<float>& empty) {
-  Matrix out(0, data.depth.cols);
+  Matrix out(0, data.depth().cols);
   for (const std::size_t row : rows) {
     const auto own = maps.of_index.find(data.index[row]);
     out.add_row(own == maps.of_index.end() ? empty : own->second);

@@ -12,19 +12,17 @@
 namespace echofuse::recon {
 namespace {
 
-// Returns the background of each column: 2 x low quantile - median, or 0 if this is negative. If
+// Writes the background of each column: 2 x low quantile - median, or 0 if this is negative. If
 // the counts of a column vary only by photon noise, the column contains no bodies, and its
 // background is the median. `steadiness`: maximum variation of such a column, in Poisson standard
 // deviations; 0 for values that are not counts.
-std::vector<float> background_of(std::span<const float> low, std::span<const float> median,
-                                 double steadiness) {
-  std::vector<float> out(low.size());
+void put_background(std::span<const float> low, std::span<const float> median, double steadiness,
+                    std::span<float> out) {
   for (std::size_t c = 0; c < out.size(); ++c) {
     const bool steady = median[c] - low[c] <
                         static_cast<float>(steadiness) * std::sqrt(steadiness > 0 ? median[c] : 0);
     out[c] = steady ? median[c] : std::max(2 * low[c] - median[c], 0.f);
   }
-  return out;
 }
 
 void archive_constants(Archive archive) {
@@ -63,53 +61,40 @@ Alignment::Alignment(const Layout& layout, const Matrix& observations, const Row
   set_axes(layout);
   const auto lows = column_quantile(observations, rows, method::background_quantile);
   const auto medians = column_quantile(observations, rows, 0.5);
-  const std::span low(lows), median(medians);
-  const std::size_t bins = layout.spd.count, points = layout.radar.count;
-  counts_background_ = background_of(low.first(bins), median.first(bins), method::steadiness);
-  power_background_ = background_of(low.subspan(bins, points), median.subspan(bins, points), 0);
-  lags_background_.resize(layout.lag_count());
+  background_.resize(layout.inputs());
+  const auto low = parts(lows), median = parts(medians);
+  const auto out = layout_.parts(std::span(background_));
+  put_background(low.counts, median.counts, method::steadiness, out.counts);
+  put_background(low.power, median.power, 0, out.power);
   if (array_.size() > 0) learn_array_background(observations, rows);
-  zones_background_ = background_of(low.last(layout.zone_count()), median.last(layout.zone_count()),
-                                    method::steadiness);
+  put_background(low.zones, median.zones, method::steadiness, out.zones);
 }
 
 // Learns the lags of the background in each bin: averages the lags of the records with the least
 // power, and scales the averages to the background power. Static echoes keep their directions;
 // noise averages out.
 void Alignment::learn_array_background(const Matrix& observations, const Rows& rows) {
-  const std::size_t first = counts_background_.size() + power_background_.size();
-  for (std::size_t at = 0; at < lags_background_.size(); at += lag_values_) {
+  const auto background = layout_.parts(std::span(background_)).lags;
+  const std::size_t values = layout_.array.values_per_bin();
+  for (std::size_t at = 0; at < background.size(); at += values) {
+    const auto lags_of = [&](std::size_t row) {
+      return parts(observations.row(row)).lags.subspan(at, values);
+    };
     std::vector<float> power;
-    for (const std::size_t row : rows) power.push_back(observations.row(row)[first + at]);
+    for (const std::size_t row : rows) power.push_back(lags_of(row)[0]);
     const float low = quantile(power, method::background_quantile), median = quantile(power, 0.5);
     const float level = std::max(2 * low - median, 0.f);
     if (!(level > 0)) continue;
-    const auto lags = std::span(lags_background_).subspan(at, lag_values_);
+    const auto lags = background.subspan(at, values);
     for (const std::size_t row : rows)
-      for (std::size_t k = 0; k < lags.size() && observations.row(row)[first + at] <= low; ++k)
-        lags[k] += observations.row(row)[first + at + k];
+      for (std::size_t k = 0; k < values && lags_of(row)[0] <= low; ++k) lags[k] += lags_of(row)[k];
     const float sum = lags[0];
     for (float& v : lags) v *= level / sum;
   }
 }
 
-std::vector<float> Alignment::background() const {
-  std::vector<float> out = counts_background_;
-  out.insert(out.end(), power_background_.begin(), power_background_.end());
-  out.insert(out.end(), lags_background_.begin(), lags_background_.end());
-  out.insert(out.end(), zones_background_.begin(), zones_background_.end());
-  return out;
-}
-
-void Alignment::set_background(std::span<const float> observation) {
-  for (std::vector<float>* part :
-       {&counts_background_, &power_background_, &lags_background_, &zones_background_}) {
-    std::copy_n(observation.begin(), part->size(), part->begin());
-    observation = observation.subspan(part->size());
-  }
-}
-
 void Alignment::set_axes(const Layout& layout) {
+  layout_ = layout;
   spd_first_m_ = layout.spd.at(0.5) / ps_per_m;
   spd_step_m_ = layout.spd.step / ps_per_m;
   if (layout.radar.count > 0)
@@ -119,18 +104,18 @@ void Alignment::set_axes(const Layout& layout) {
       static_cast<std::ptrdiff_t>(std::ceil(method::least_profile_step_m / radar_step_m_));
   profile_step_m_ =
       radar_step_m_ * static_cast<double>(steps_a_point_) / static_cast<double>(points_a_step_);
-  array_ = ArrayView(layout.array), lag_values_ = layout.lag_values(), zones_ = layout.zones;
+  array_ = ArrayView(layout.array);
   correlation_ = {};
   if (layout.radar.count > 0)
     correlation_ = ShiftCorrelation({-method::histogram_m + method::histogram_step_m / 2,
                                      method::histogram_step_m, histogram_bins()},
-                                    {method::profile_from_m, profile_step_m_, points_with_radar()},
+                                    {method::profile_from_m, profile_step_m_, profile_points()},
                                     resolution_m(), method::shift_from_m, method::shift_to_m);
 }
 
 std::size_t Alignment::cost() const {
-  return (counts_background_.size() + zones_background_.size()) * 4 +
-         profile_points() * 2 * profile_taps + correlation_.cost() + array_.cost();
+  return (layout_.spd.count + layout_.zones_size()) * 4 + profile_points() * 2 * profile_taps +
+         correlation_.cost() + array_.cost();
 }
 
 std::size_t Alignment::histogram_bins() const {
@@ -142,10 +127,7 @@ std::size_t Alignment::zone_bins() const {
 }
 
 std::size_t Alignment::profile_points() const {
-  return power_background_.empty() ? 0 : points_with_radar();
-}
-
-std::size_t Alignment::points_with_radar() const {
+  if (layout_.radar.count == 0) return 0;
   return 1 + static_cast<std::size_t>((method::profile_to_m - method::profile_from_m) /
                                       profile_step_m_);
 }
@@ -154,20 +136,19 @@ double Alignment::resolution_m() const { return method::steps_a_resolution * rad
 
 void Alignment::subtract_background(std::span<const float> observation, std::vector<float>& counts,
                                     std::vector<float>& power) const {
-  const std::size_t bins = counts_background_.size();
-  counts.resize(bins), power.resize(power_background_.size());
-  for (std::size_t i = 0; i < bins; ++i) counts[i] = observation[i] - counts_background_[i];
+  const auto [all, recorded_power, lags, zones] = parts(observation);
+  counts.resize(all.size());
+  const auto background = parts(background_).counts;
+  for (std::size_t i = 0; i < counts.size(); ++i) counts[i] = all[i] - background[i];
   subtract_median(counts);
-  for (std::size_t i = 0; i < power.size(); ++i)
-    power[i] = observation[bins + i] - power_background_[i];
+  power = above_background(recorded_power);
 }
 
 Matrix Alignment::zone_counts(std::span<const float> observation) const {
-  Matrix out(zones_, zones_ > 0 ? counts_background_.size() : 0);
-  const auto recorded = observation.last(out.values.size());
-  for (std::size_t i = 0; i < recorded.size(); ++i)
-    out.values[i] = recorded[i] - zones_background_[i];
-  for (std::size_t z = 0; z < zones_; ++z) subtract_median(out.row(z));
+  const auto recorded = parts(observation).zones, background = parts(background_).zones;
+  Matrix out(recorded.size() / std::max(layout_.spd.count, 1u), layout_.spd.count);
+  for (std::size_t i = 0; i < recorded.size(); ++i) out.values[i] = recorded[i] - background[i];
+  for (std::size_t z = 0; z < out.rows; ++z) subtract_median(out.row(z));
   return out;
 }
 
@@ -181,7 +162,8 @@ void Alignment::antennas_about(double range_m, std::span<const float> recorded_l
   std::fill(out.begin(), out.end(), 0.f);
   if (out.empty() || recorded_lags.empty()) return;
   std::vector<float> lags(recorded_lags.begin(), recorded_lags.end());
-  for (std::size_t i = 0; i < lags.size(); ++i) lags[i] -= lags_background_[i];
+  const auto background = parts(background_).lags;
+  for (std::size_t i = 0; i < lags.size(); ++i) lags[i] -= background[i];
   array_(lags, range_m, out);
 }
 
@@ -196,13 +178,18 @@ void Alignment::move_array(std::span<const float> recorded_lags, double farther_
 void Alignment::archive(Archive archive, const Layout& layout) {
   archive_constants(archive.in("config"));
   if (archive.reading()) set_axes(layout);
-  archive.values("counts", counts_background_, layout.spd.count);
-  archive.values("power", power_background_, layout.radar.count);
-  archive.values("lags", lags_background_, layout.lag_count());
-  if (layout.zones == 0) return;
+  background_.resize(layout.inputs());
+  const auto [counts, power, lags, zones] = layout.parts(std::span(background_));
+  const auto put = [&](const char* name, std::span<float> part) {
+    std::vector<float> values(part.begin(), part.end());
+    archive.values(name, values, part.size());
+    std::ranges::copy(values, part.begin());
+  };
+  put("counts", counts), put("power", power), put("lags", lags);
+  if (zones.empty()) return;
   double step_m = method::zone_step_m;
   archive.in("config").number("zone_step_m", step_m, step_m, step_m);
-  archive.values("zones", zones_background_, layout.zone_count());
+  put("zones", zones);
 }
 
 namespace {

@@ -6,10 +6,9 @@
 #include <span>
 #include <vector>
 
+#include "recon/data/column.hpp"
 #include "recon/method/array_view.hpp"
 #include "recon/method/constants.hpp"
-#include "recon/numbers/layout.hpp"
-#include "recon/numbers/matrix.hpp"
 #include "recon/numbers/tensor_file.hpp"
 
 namespace echofuse::recon {
@@ -80,14 +79,16 @@ class Alignment {
   // histogram is missing.
   Alignment(const Layout& layout, const Matrix& observations, const Rows& rows);
 
-  bool known() const { return !counts_background_.empty(); }
+  bool known() const { return !background_.empty(); }
   std::size_t cost() const;  // number of multiply-adds per record
   AlignmentRanges spd_ranges() const { return {spd_first_m_, spd_step_m_}; }
   double resolution_m() const;  // range resolution c/2B of the radar
 
   std::size_t histogram_bins() const;
   std::size_t zone_bins() const;  // number of bins per zone
-  std::size_t zone_features() const { return zones_ * zone_bins(); }
+  std::size_t zone_features() const {
+    return layout_.zones_size() > 0 ? layout_.spd.zones.size() * zone_bins() : 0;
+  }
   std::size_t profile_points() const;  // number of points of a profile; 0 if the radar is missing
   std::size_t array_features() const { return array_.size(); }  // 0 if there are no antennas
   // size(): number of values in a view, excluding the correlation. inputs(): number including the
@@ -99,6 +100,10 @@ class Alignment {
   AlignmentColumns columns(std::span<float> view) const { return columns_of<float>(view); }
   ViewColumns<const float> columns(std::span<const float> view) const {
     return columns_of<const float>(view);
+  }
+
+  ObservationParts<const float> parts(std::span<const float> observation) const {
+    return layout_.parts(observation);
   }
 
   // Equation (1) of method.cpp: writes the counts minus the background and the median, and the
@@ -139,8 +144,8 @@ class Alignment {
 
   // background() returns the background in the layout of an observation. set_background() replaces
   // the learnt background, e.g. with that of an empty room.
-  std::vector<float> background() const;
-  void set_background(std::span<const float> observation);
+  const std::vector<float>& background() const { return background_; }
+  void set_background(std::vector<float> observation) { background_ = std::move(observation); }
 
   void archive(Archive archive, const Layout& layout);
 
@@ -158,7 +163,6 @@ class Alignment {
   std::vector<float> above_background(std::span<const float> recorded_power) const;
   void add_profile(double range_m, std::span<const float> power, std::span<float> points) const;
   void learn_array_background(const Matrix& observations, const Rows& rows);
-  std::size_t points_with_radar() const;
 
   double spd_first_m_ = 0, spd_step_m_ = 1, radar_first_m_ = 0, radar_step_m_ = 1;
   double profile_step_m_ = 1;
@@ -167,8 +171,8 @@ class Alignment {
   std::ptrdiff_t points_a_step_ = 1, steps_a_point_ = 1;
   ShiftCorrelation correlation_;
   ArrayView array_;
-  std::size_t lag_values_ = 1, zones_ = 0;
-  std::vector<float> counts_background_, power_background_, lags_background_, zones_background_;
+  Layout layout_;
+  std::vector<float> background_;  // an observation of the room without people
 };
 
 }  // namespace echofuse::recon

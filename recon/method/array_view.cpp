@@ -6,7 +6,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "recon/numbers/layout.hpp"
+#include "recon/data/column.hpp"
 
 namespace echofuse::recon {
 namespace {

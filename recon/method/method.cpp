@@ -106,16 +106,15 @@ void histograms_about(float range_m, std::span<const float> counts, const Matrix
 // Step 1. The values are, in this order, the histogram H_spd and the range profile H_radar of Lai
 // et al., the lags of the antennas, and H_spd of each zone.
 Matrix observe(const Dataset& data, const Rows& rows, const Features& sensors) {
-  require_zones(data, sensors.zones);
   const Layout layout = sensors.layout();
   Matrix out(rows.size(), layout.inputs());
   for (std::size_t i = 0; i < rows.size(); ++i) {
-    auto to = out.row(i).begin();
-    for (const auto& [table, count] : {std::pair{&data.spd, std::size_t{layout.spd.count}},
-                                       {&data.radar, std::size_t{layout.radar.count}},
-                                       {&data.array, layout.lag_count()},
-                                       {&data.zone_spd, layout.zone_count()}})
-      if (count > 0) to = std::copy_n(table->row(rows[i]).begin(), count, to);
+    const auto to = layout.parts(out.row(i));
+    const auto copy = [&](const Column& column, std::span<float> part) {
+      std::copy_n(column.row(rows[i]).begin(), part.size(), part.begin());
+    };
+    if (!to.counts.empty()) std::ranges::copy(data.counts(rows[i]), to.counts.begin());
+    copy(data.radar(), to.power), copy(data.array(), to.lags), copy(data.spd(), to.zones);
   }
   return out;
 }
@@ -132,9 +131,7 @@ void align(std::span<const float> observation, const Alignment& scene, std::span
   histograms_about(range_m, counts, of_zones, scene, at);     // (3)
   scene.profile_about(double{range_m}, power, at.profile);    // (4)
   scene.correlate(at.histogram, at.profile, at.correlation);  // equations (5) and (6)
-  const auto rest = observation.subspan(counts.size() + power.size());
-  scene.antennas_about(double{range_m}, rest.first(rest.size() - of_zones.values.size()),
-                       at.antennas);  // (7)
+  scene.antennas_about(double{range_m}, scene.parts(observation).lags, at.antennas);  // (7)
   at.range_m = range_m;
 }
 

@@ -28,8 +28,7 @@ namespace echofuse::recon {
 // Step 1: returns the values that `sensors` requests, [n x sensors.layout().inputs()], for each of
 // the n rows. These are the number of photons per bin (corrected for pile-up), the linear radar
 // power per bin (after the range offset is subtracted), the spatial lags of the radar antennas per
-// bin (data/lags.hpp), and the number of photons per bin of each zone. Throws Error(failed) if the
-// number of detector zones differs from that in `sensors`.
+// bin (data/lags.hpp), and the number of photons per bin of each zone.
 Matrix observe(const Dataset& data, const Rows& rows, const Features& sensors);
 
 // Step 2: returns the views, [n x scene.inputs()]: correlation between the two sensors for each

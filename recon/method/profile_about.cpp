@@ -85,7 +85,8 @@ void Alignment::add_profile(double range_m, std::span<const float> power,
 
 std::vector<float> Alignment::above_background(std::span<const float> recorded_power) const {
   std::vector<float> out(recorded_power.begin(), recorded_power.end());
-  for (std::size_t i = 0; i < out.size(); ++i) out[i] -= power_background_[i];
+  const auto background = parts(background_).power;
+  for (std::size_t i = 0; i < out.size(); ++i) out[i] -= background[i];
   return out;
 }
 

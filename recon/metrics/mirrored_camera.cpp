@@ -59,20 +59,20 @@ std::string line_of(const Dataset& data, const Source& run) {
         data.doubt_of(row, Inputs::radar, false).empty())
       rows.push_back(row);
   if (rows.size() < least_records) return {};
-  const SceneModel scene = learn_scene(data.depth, rows, data.map);
+  const SceneModel scene = learn_scene(data.depth(), rows, data.map);
   // A low quantile, because bodies may be in a range bin in most records.
-  const std::vector<float> room = column_quantile(data.radar, rows, 0.1);
+  const std::vector<float> room = column_quantile(data.radar(), rows, 0.1);
   const Axis x = data.map.x();
   const double baseline_m = run.baseline_m > 0 ? run.baseline_m : usual_baseline_m;
   // Measured distance by which the body is farther from the radar than from the camera, and the
   // part of the expected distance that changes its sign if the map is mirrored.
   std::vector<double> farther_m, of_side_m;
   for (const std::size_t row : rows) {
-    const Place at = place_of(data.depth.row(row), scene, x);
+    const Place at = place_of(data.depth().row(row), scene, x);
     if (at.z_m <= 0) continue;
     const double own_m = std::hypot(at.x_m, at.z_m), reach_m = 1.5 * baseline_m;
     const double range_m =
-        range_of(data.radar.row(row), room, data.radar_axis, own_m - reach_m, own_m + reach_m);
+        range_of(data.radar().row(row), room, data.radar().axis, own_m - reach_m, own_m + reach_m);
     if (std::isnan(range_m)) continue;
     farther_m.push_back(range_m - own_m);
     of_side_m.push_back(
@@ -92,7 +92,7 @@ std::string line_of(const Dataset& data, const Source& run) {
 }  // namespace
 
 std::string mirrored_camera(const Dataset& data) {
-  if (data.radar_axis.count == 0 || data.depth.cols == 0) return {};
+  if (data.radar().axis.count == 0 || data.depth().cols == 0) return {};
   std::string out;
   for (const Source& run : data.sources)
     if (const std::string line = line_of(data, run); !line.empty())

@@ -34,7 +34,7 @@ class Constant final : public Model {
 
 }  // namespace
 
-std::unique_ptr<Model> make_empty_room() { return std::make_unique<Constant>(false); }
+std::unique_ptr<Model> make_empty() { return std::make_unique<Constant>(false); }
 std::unique_ptr<Model> make_mean() { return std::make_unique<Constant>(true); }
 
 }  // namespace echofuse::recon

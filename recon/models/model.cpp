@@ -72,7 +72,7 @@ const std::vector<ModelKind>& model_kinds() {
   using enum ModelKind::InputKind;
   using enum ModelKind::Size;
   static const std::vector<ModelKind> kinds{
-      {"empty", make_empty_room, nothing, fixed, {}},
+      {"empty", make_empty, nothing, fixed, {}},
       {"mean", make_mean, nothing, fixed, {}},
       {"mean-shape", make_mean_shape, aligned, fixed, placed},
       {"factorised", make_factorised, aligned, basis, placed},

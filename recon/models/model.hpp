@@ -85,12 +85,12 @@ std::vector<std::string> model_names();
 std::string model_help();  // returns "empty, mean, ..., nearest[-N], paper (mlp-512-256)"
 
 // Factory functions, one per kind of model.
-std::unique_ptr<Model> make_empty_room();  // map of the empty room
-std::unique_ptr<Model> make_mean();        // mean of the training maps
-std::unique_ptr<Model> make_nearest();     // mean map of the nearest training records
-std::unique_ptr<Model> make_ridge();       // ridge regression; the penalty is cross-validated
-std::unique_ptr<Model> make_mlp();         // plain network of Lai et al. (2024)
-std::unique_ptr<Model> make_mlp_mask();    // network that predicts a mask and a depth map
+std::unique_ptr<Model> make_empty();     // map of the empty room
+std::unique_ptr<Model> make_mean();      // mean of the training maps
+std::unique_ptr<Model> make_nearest();   // mean map of the nearest training records
+std::unique_ptr<Model> make_ridge();     // ridge regression; the penalty is cross-validated
+std::unique_ptr<Model> make_mlp();       // plain network of Lai et al. (2024)
+std::unique_ptr<Model> make_mlp_mask();  // network that predicts a mask and a depth map
 // The inner model predicts the coefficients of the maps' principal components.
 std::unique_ptr<Model> make_pca(std::unique_ptr<Model> inner);
 std::unique_ptr<Model> make_mean_shape();  // mean body at the predicted position

@@ -9,10 +9,14 @@
 
 namespace echofuse::recon {
 
-// Returns the mean of the records in `empty`, a run recorded without people, on that run's own
-// axes. Excludes and counts dead and doubtful records. Throws Error(failed) if fewer than five
-// records contain valid data from all sensors of the run, or if the counts indicate that people
-// were in the room.
+struct EmptyRoom {
+  Dataset records;       // records of a run without people
+  std::string left_out;  // states how many records were excluded; may be empty
+};
+
+// Returns the records of `empty`, a run recorded without people. Excludes and counts dead and
+// doubtful records. Throws Error(failed) if fewer than five records contain valid data from all
+// sensors of the run, or if the counts indicate that people were in the room.
 EmptyRoom empty_room_of(const Dataset& empty, const std::string& path);
 
 // Adapts the model's estimators to the empty room recorded at `path`. Returns notes for the user;
@@ -22,14 +26,13 @@ EmptyRoom empty_room_of(const Dataset& empty, const std::string& path);
 // sensors of the model, the run shows people, or the model does not predict a body position.
 std::string adapt_to_room(TrainedModel& model, const std::string& path, double range_offset_m = 0);
 
-// Reads the empty-room run at `path` and stores its mean in data.empty_room for training. Returns a
-// message with the number of excluded records; may be empty. Throws Error(failed) if its axes
+// Reads the empty-room run at `path`, for training on `data`. Throws Error(failed) if its axes
 // differ from those of `data`, and in the cases listed for empty_room_of().
-std::string state_empty_room(Dataset& data, const std::string& path);
+EmptyRoom load_empty_room(const Dataset& data, const std::string& path);
 
 // Corrects the radar values of records from the new room, so that static echoes match those of the
-// training room. `data` must be on the model's axes. Does not correct the histogram, because its
-// noise depends on the recorded counts.
-void exchange_room(const EmptyRoom& change, Dataset& data);
+// training room. `change`: columns with one row, or none; `data` must be on the model's axes. Does
+// not correct the histogram, because its noise depends on the recorded counts.
+void exchange_room(const std::vector<Column>& change, Dataset& data);
 
 }  // namespace echofuse::recon

@@ -5,6 +5,8 @@
 #include <cmath>
 
 #include "drivers/util/exit_code.hpp"
+#include "recon/data/lags.hpp"
+#include "recon/numbers/statistics.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -23,12 +25,13 @@ void archive_axis(Archive archive, Axis& axis) {
   archive.number("scale", axis.scale, -1e9, 1e9);
 }
 
-// The directions of the zones are stored if they are all known.
+// A single pixel has no zones in the file. The directions of the zones are stored if they are all
+// known.
 void archive_zones(Archive archive, Zones& zones) {
-  std::size_t count = zones.size();
+  std::size_t count = zones.size() > 1 ? zones.size() : 0;
   archive.count("zones", count, 0, static_cast<std::int64_t>(most_zones));
-  zones.resize(count);
-  const bool known = !zones.empty() && std::ranges::all_of(zones, &Zone::has_direction);
+  zones.resize(std::max<std::size_t>(count, 1));
+  const bool known = count > 0 && std::ranges::all_of(zones, &Zone::has_direction);
   if (!archive.part("knows_directions", known)) return;
   Matrix directions(count, 2);
   for (std::size_t z = 0; z < count; ++z)
@@ -44,17 +47,18 @@ void archive_features(Archive archive, Features& f, bool views) {
   archive.text("inputs", inputs, inputs_names);
   f.inputs = inputs_of(inputs);
   archive.text("scaling", f.scaling, views ? std::vector<std::string>{raw_scaling} : scaling_names);
-  f.spd_axis.name = "spd", f.radar_axis.name = "radar", f.array_axis.name = "array";
-  archive_axis(archive.in("axes/spd"), f.spd_axis);
-  archive_axis(archive.in("axes/radar"), f.radar_axis);
-  archive_zones(archive, f.zones);
-  if (archive.part("takes_antennas", f.array_axis.count > 0)) {
-    archive_axis(archive.in("axes/array"), f.array_axis);
-    const double lags = f.array_axis.scale;
-    archive.require(f.inputs == Inputs::fused && views && f.array_axis.count > 0, "axes/array",
+  auto& [spd, radar, array] = f.axes;
+  spd.name = "spd", radar.name = "radar", array.name = "array";
+  archive_axis(archive.in("axes/spd"), spd);
+  archive_axis(archive.in("axes/radar"), radar);
+  archive_zones(archive, spd.zones);
+  if (archive.part("takes_antennas", array.count > 0)) {
+    archive_axis(archive.in("axes/array"), array);
+    const double lags = array.scale;
+    archive.require(f.inputs == Inputs::fused && views && array.count > 0, "axes/array",
                     "expected only in a fused model with aligned inputs");
     archive.require(lags >= 1 && lags <= double{2 * most_lags} && lags == std::floor(lags) &&
-                        static_cast<double>(lags_up(f.array_axis)) < lags,
+                        static_cast<double>(lags_up(array)) < lags,
                     "axes/array/scale",
                     "expected 1 to 32 lags, at least one with a horizontal component");
   }
@@ -65,7 +69,7 @@ void archive_features(Archive archive, Features& f, bool views) {
 
 // Left and right can be distinguished only if there are both sensors, or if the detector has zones.
 bool shows_sides(const Layout& layout) {
-  return layout.spd.count > 0 && (layout.radar.count > 0 || layout.zones > 0);
+  return layout.spd.count > 0 && (layout.radar.count > 0 || layout.zones_size() > 0);
 }
 
 void archive_training(Archive archive, FitOptions& fit, TrainingLog& log) {
@@ -91,6 +95,12 @@ void archive_training(Archive archive, FitOptions& fit, TrainingLog& log) {
 }
 
 }  // namespace
+
+std::vector<float> mean_observation(const Dataset& data, const Features& sensors) {
+  const Rows all = all_rows(data.size());
+  const std::vector<double> means = column_means(observe(data, all, sensors), all);
+  return {means.begin(), means.end()};
+}
 
 Matrix Estimator::views(const Dataset& data, const Rows& rows, bool wanted) const {
   if (!alignment.known() || !(wanted || wants_alignment(name))) return Matrix(rows.size(), 0);
@@ -151,23 +161,15 @@ void Estimator::archive(Archive archive) {
 }
 
 Preprocessing::Preprocessing(const Dataset& data, const Rows& train, Inputs inputs,
-                             SceneModel of_rows, bool wanted)
-    : scene(std::move(of_rows)) {
+                             SceneModel of_rows, bool wanted, const Dataset& empty)
+    : scene(std::move(of_rows)), knows_empty_room(empty.size() > 0) {
   const auto started = std::chrono::steady_clock::now();
   views.rows = data.size();
   if (!wanted || inputs == Inputs::radar) return;
   const Features sensors = fit_features(data, train, inputs, raw_scaling);
   const Matrix observations = observe(data, all_rows(data.size()), sensors);
   alignment = Alignment(sensors.layout(), observations, train);
-  if (data.empty_room.known()) {
-    const EmptyRoom& room = data.empty_room;
-    std::vector<float> still = room.spd;
-    if (sensors.radar_count() > 0) still.insert(still.end(), room.radar.begin(), room.radar.end());
-    if (sensors.array_count() > 0) still.insert(still.end(), room.array.begin(), room.array.end());
-    if (!sensors.zones.empty())
-      still.insert(still.end(), room.zone_spd.begin(), room.zone_spd.end());
-    alignment.set_background(still);
-  }
+  if (knows_empty_room) alignment.set_background(mean_observation(empty, sensors));
   views = align(observations, alignment);
   elapsed_s = seconds_since(started);
 }
@@ -190,13 +192,14 @@ Estimator fit_model(const Dataset& data, const Split& split, const Preprocessing
                 "detector with zones");
   out.scene = preprocessing.scene;
   if (takes_views) out.alignment = preprocessing.alignment;
-  out.knows_empty_room = takes_views && data.empty_room.known();
+  out.knows_empty_room = takes_views && preprocessing.knows_empty_room;
   out.model = kind_of(candidate.model).make();
   Matrix scaled;
   const Matrix& taken = out.inputs(data, all_rows(data.size()), preprocessing.views, scaled);
   const auto samples = [&](const Rows& rows) {
-    return Samples{taken,       data.depth, rows, &preprocessing.scene, &preprocessing.alignment,
-                   &data.radar, &data.array};
+    return Samples{
+        taken,         data.depth(), rows, &preprocessing.scene, &preprocessing.alignment,
+        &data.radar(), &data.array()};
   };
   out.log = out.model->fit(samples(split.train), samples(split.validation), candidate.fit);
   out.fit = candidate.fit;

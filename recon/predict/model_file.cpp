@@ -53,11 +53,11 @@ void check_list(const Archive& archive, const TrainedModel& model) {
     const Features& own = model.estimators[k].features;
     const Features& before = model.estimators[k - 1].features;
     const std::string name = std::to_string(k);
-    const bool of_profile = own.inputs == Inputs::fused_profile && before.array_axis.count > 0;
+    const bool of_profile = own.inputs == Inputs::fused_profile && before.axes.array.count > 0;
     archive.require(both_sensors(before.inputs) && (own.inputs == Inputs::spd || of_profile),
                     name + "/inputs", "expected fewer sensors than in the previous estimator");
-    archive.require(same_axis(own.spd_axis, first.spd_axis) &&
-                        (!of_profile || same_axis(own.radar_axis, first.radar_axis)),
+    archive.require(same_axis(own.axes.spd, first.axes.spd) &&
+                        (!of_profile || same_axis(own.axes.radar, first.axes.radar)),
                     name + "/axes", "expected the same axes as in the first estimator");
     archive.require(model.estimators[k].scene.grid == model->scene.grid, name + "/scene/map_size",
                     "expected the same map grid as in the first estimator");
@@ -75,18 +75,6 @@ void check_format(Archive archive) {
           (found > format_version ? ": use a newer echofuse" : ": train the model again"));
 }
 
-void archive_response(Archive archive, record::RadarResponse& response, bool& any) {
-  archive.count("any", any, 0, 1);
-  if (!archive.part("known", response.known())) return;
-  archive.number("cell_m", response.cell_m, 1e-3, 10);
-  archive.values("taps", response.taps, Archive::any);
-  archive.require(response.taps.size() >= 3 &&
-                      response.taps.size() <= record::RadarResponse::most_taps &&
-                      std::abs(response.taps[0] - 1) < 1e-3 &&
-                      std::ranges::all_of(response.taps, [](double v) { return v >= 0 && v <= 2; }),
-                  "taps", "expected 3 to 64 powers relative to the peak, the first equal to 1");
-}
-
 void archive(Archive archive, TrainedModel& model) {
   check_format(archive);
   std::string by = version();
@@ -95,7 +83,7 @@ void archive(Archive archive, TrainedModel& model) {
   archive.count("estimators", estimators, 1, most_estimators);
   model.estimators.resize(estimators);
   archive.count("data_crc32c", model.data_hash, 0, std::numeric_limits<std::uint32_t>::max());
-  archive_response(archive.in("response"), model.radar_response, model.any_response);
+  model.response.archive(archive.in("response"));
   archive_split(archive.in("split"), model.split);
   archive.in("split").count("leave_doubtful", model.exclusions.doubtful, 0, 1);
   archive.in("split").count("leave_lossy", model.exclusions.lossy, 0, 1);

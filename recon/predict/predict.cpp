@@ -71,7 +71,7 @@ void put(Prediction& whole, Prediction part, std::span<const std::size_t> places
 // Returns a note about errors that the 90 % intervals do not include. Returns an empty string if
 // the calibration of the run provides the range error and the sensor baseline.
 std::string assumption_of(const Estimator& by, const Dataset& data) {
-  if (!by.uncertainty || data.radar_axis.count == 0 || !side_by_ranges(data, by.features.inputs))
+  if (!by.uncertainty || data.radar().axis.count == 0 || !side_by_ranges(data, by.features.inputs))
     return {};
   const auto all = [&](auto stated) { return std::ranges::all_of(data.sources, stated); };
   if (!all([](const Source& run) { return run.range_error_m.has_value(); }))
@@ -100,18 +100,14 @@ Records prepare_records(const TrainedModel& model, Dataset recorded, double rang
   Dataset& data = out.data;
   if (&by != &model.first())
     out.antennas =
-        std::string(data.array_axis.count == 0 ? "contains no radar antenna samples"
-                                               : "radar antennas differ from those in training") +
+        std::string(data.array().axis.count == 0 ? "contains no radar antenna samples"
+                                                 : "radar antennas differ from those in training") +
         ": only the radar's range profile is used";
-  const bool stated = std::ranges::all_of(
-      data.sources, [](const Source& run) { return run.radar_response.known(); });
-  if (model.radar_response.known() && data.radar_axis.count > 0 && !stated)
-    out.response =
-        "the run contains no radar response; the response of the training data is assumed";
+  out.response = model.response.note(data);
   subtract_range_offset(data, range_offset_m);
   model.match(data);
   out.ranges = assumption_of(by, data);
-  if (model.room_change) exchange_room(*model.room_change, data);
+  exchange_room(model.room_change, data);
   return out;
 }
 

@@ -5,8 +5,6 @@
 #include <map>
 #include <set>
 
-#include "recon/data/response_conversion.hpp"
-
 namespace echofuse::recon {
 namespace {
 
@@ -48,13 +46,13 @@ double TrainedModel::train_s() const {
 
 namespace {
 
-bool has_radar(const Dataset& data) { return data.radar_axis.count > 0; }
+bool has_radar(const Dataset& data) { return data.radar().axis.count > 0; }
 
 // Returns true if the run has no radar, the estimator does not use antennas, or the run contains
 // the antennas used by the estimator.
 bool has_antennas(const Dataset& data, const Estimator& e) {
-  return !has_radar(data) || e.features.array_axis.count == 0 ||
-         is_near(data.array_axis, e.features.array_axis);
+  return !has_radar(data) || e.features.axes.array.count == 0 ||
+         is_near(data.array().axis, e.features.axes.array);
 }
 
 }  // namespace
@@ -70,14 +68,12 @@ void TrainedModel::match(Dataset& data) const {
   require_map(data, first().scene.grid, "the model");
   data.exclusions = exclusions;
   const bool lost = !has_radar(data) && estimators.back().features.inputs == Inputs::spd;
-  match_axes(data, features.spd_axis, features.radar_axis, lost ? Inputs::spd : features.inputs);
-  if (data.zones.size() == features.zones.size()) require_zones(data, features.zones);
-  bring_to_response(data, radar_response, any_response);
-  if (!lost || features.inputs == Inputs::spd) return match_array(data, features.array_axis);
-  data.array_axis = features.array_axis;
-  data.array = Matrix(data.size(), features.array_count());
-  data.radar_axis = features.radar_axis;
-  data.radar = Matrix(data.size(), data.radar_axis.count);
+  match_axes(data, features.axes, lost ? Inputs::spd : features.inputs);
+  response.convert(data);
+  if (!lost || features.inputs == Inputs::spd) return;
+  for (const auto& [column, axis] :
+       {std::pair{&data.radar(), &features.axes.radar}, {&data.array(), &features.axes.array}})
+    *column = Matrix(data.size(), axis->size()), column->axis = *axis;
 }
 
 const Estimator* TrainedModel::estimator_for(const Dataset& data, std::size_t row) const {

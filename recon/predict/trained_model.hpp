@@ -20,6 +20,7 @@
 #include <string>
 #include <vector>
 
+#include "recon/data/response_conversion.hpp"
 #include "recon/predict/estimator.hpp"
 
 namespace echofuse::recon {
@@ -39,14 +40,10 @@ struct TrainedModel {
   SplitOptions split;
   TrainingRecords training;
   std::uint32_t data_hash = 0;
-  // Radar response of the training data; unknown if the training runs do not contain it.
-  record::RadarResponse radar_response;
-  // TrainOptions::any_response: the training runs need not include their radar
-  // responses, which may then differ.
-  bool any_response = false;
+  ModelResponse response;
   Exclusions exclusions;
-  // Correction added to the radar values after adapt_to_room().
-  std::optional<EmptyRoom> room_change;
+  // Correction added to the radar values after adapt_to_room(): columns with one row, or none.
+  std::vector<Column> room_change;
 
   // Returns the first estimator, which is used for all records with complete data.
   const Estimator& first() const { return estimators.front(); }

@@ -25,9 +25,10 @@ constexpr std::size_t least_of_room = 20;
 // Returns the sensors that have matching axes in both data sets; empty if no sensor has matching
 // axes.
 std::optional<Inputs> common_inputs(const Dataset& data, const Dataset& other) {
-  const bool spd = other.spd_axis.count > 0 && is_near(data.spd_axis, other.spd_axis) &&
-                   data.zones.size() == other.zones.size();
-  const bool radar = other.radar_axis.count > 0 && is_near(data.radar_axis, other.radar_axis);
+  const auto common = [](const Column& column, const Column& of_other) {
+    return of_other.axis.count > 0 && is_near(column.axis, of_other.axis);
+  };
+  const bool spd = common(data.spd(), other.spd()), radar = common(data.radar(), other.radar());
   if (spd && radar) return Inputs::fused;
   if (!spd && !radar) return std::nullopt;
   return spd ? Inputs::spd : Inputs::radar;
@@ -37,11 +38,11 @@ Matrix nearest_maps(const Dataset& data, const Rows& rows, const Dataset& neighb
                     const Rows& neighbours, Inputs inputs) {
   const Features features = fit_features(neighbours_data, neighbours, inputs, "record");
   const Matrix known = features.apply(neighbours_data, neighbours);
-  const Matrix maps = take_rows(neighbours_data.depth, neighbours);
+  const Matrix maps = take_rows(neighbours_data.depth(), neighbours);
   const auto model = make_nearest();
   model->fit({known, maps, all_rows(neighbours.size())}, {known, maps, {}}, {});
   Dataset scored = part_of(data, rows);
-  match_axes(scored, neighbours_data.spd_axis, neighbours_data.radar_axis, inputs);
+  match_axes(scored, features.axes, inputs);
   return model->predict(features.apply(scored, all_rows(rows.size())));
 }
 
@@ -83,7 +84,7 @@ struct StatedUncertainty {
 
   void add(const Prediction& own, const Dataset& data, const Rows& rows, const SceneModel& scene) {
     for (std::size_t i = 0; i < rows.size(); ++i) {
-      const auto truth = data.depth.row(rows[i]);
+      const auto truth = data.depth().row(rows[i]);
       if (!own.uncertainties[i].stated) continue;
       flagged += !own.uncertainties[i].out_of_distribution.reason.empty(), ++records;
       for (std::size_t p = 0; p < truth.size(); ++p, ++pixels) {
@@ -166,7 +167,7 @@ Rows rows_to_evaluate(const TrainedModel& model, const Dataset& data, bool all) 
     doubtful |= left_out[row] == doubt_of(model, data, row);
   }
   if (!sound.empty()) return sound;
-  const std::string path = data.sources.empty() ? "run" : data.sources.front().path;
+  const std::string path = data.path();
   if (doubtful) {
     std::map<std::string, std::size_t> reasons;
     for (const std::string& why : left_out) ++reasons[why];
@@ -190,13 +191,13 @@ ScoringScene scoring_scene(const Dataset& training) {
   if (seen.empty())
     throw Error(ExitCode::failed,
                 training.sources.front().path + ": no record has a valid depth map");
-  return {learn_scene(training.depth, seen, training.map), {}};
+  return {learn_scene(training.depth(), seen, training.map), {}};
 }
 
 ScoringScene scoring_scene(const TrainedModel& model, const Dataset& data) {
   const Rows seen = with_sound_depth(data);
   if (model.knows(data) || seen.size() < least_of_room) return {model->scene, {}};
-  SceneModel own = learn_scene(data.depth, seen, data.map);
+  SceneModel own = learn_scene(data.depth(), seen, data.map);
   std::size_t moved = 0;
   for (std::size_t p = 0; p < own.background.size(); ++p)
     moved += std::abs(own.background[p] - model->scene.background[p]) > 0.1f;
@@ -210,7 +211,7 @@ std::vector<MapScores> score_maps(const Matrix& maps, const Dataset& data, const
                                   const SceneModel& scene) {
   std::vector<MapScores> out(rows.size());
   for_each_part(rows.size(), [&](std::size_t i) {
-    out[i] = score(maps.row(i), data.depth.row(rows[i]), scene);
+    out[i] = score(maps.row(i), data.depth().row(rows[i]), scene);
   });
   return out;
 }

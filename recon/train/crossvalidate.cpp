@@ -13,7 +13,7 @@ namespace {
 
 // Returns true if the inputs reveal whether a body is on the left or on the right.
 bool shows_sides(Inputs inputs, std::size_t zones) {
-  return both_sensors(inputs) || (inputs == Inputs::spd && zones > 0);
+  return both_sensors(inputs) || (inputs == Inputs::spd && zones > 1);
 }
 
 }  // namespace
@@ -44,8 +44,8 @@ std::vector<CrossvalidatedRow> crossvalidate(const Dataset& data, const Rows& ro
   constexpr std::size_t folds = 4;
   const Inputs inputs = inputs_of(options.inputs);
   const bool sequence = options.split.kind == "blocked";
-  const auto names =
-      options.candidates.empty() ? candidates(inputs, data.zones.size()) : options.candidates;
+  const auto names = options.candidates.empty() ? candidates(inputs, data.spd().axis.zones.size())
+                                                : options.candidates;
   FitOptions fit = options.fit;
   fit.quiet = true;
   const bool aligned = std::any_of(names.begin(), names.end(), [&](const auto& name) {
@@ -54,12 +54,13 @@ std::vector<CrossvalidatedRow> crossvalidate(const Dataset& data, const Rows& ro
   std::vector<CrossvalidatedRow> out;
   for (const auto& name : names) out.push_back({{name, {}}, {}, 0, {}});
   std::vector<Folds> scores(names.size());
-  const SceneModel scoring = learn_scene(data.depth, rows, data.map);
+  const SceneModel scoring = learn_scene(data.depth(), rows, data.map);
   Progress progress("cross-validation", folds * names.size(), options.fit.quiet);
   for (std::size_t fold = 0; fold < folds; ++fold) {
     const Split split = make_fold(rows, fold, folds, sequence ? options.split.gap : 0);
     const Preprocessing preprocessing(data, split.train, inputs,
-                                      learn_scene(data.depth, split.train, data.map), aligned);
+                                      learn_scene(data.depth(), split.train, data.map), aligned,
+                                      options.background);
     for (std::size_t m = 0; m < out.size(); ++m) {
       if (interrupted()) throw Error(ExitCode::interrupted, "interrupted during cross-validation");
       if (out[m].fault.empty()) try {

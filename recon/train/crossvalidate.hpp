@@ -33,7 +33,7 @@ std::vector<CrossvalidatedRow> crossvalidate(const Dataset& data, const Rows& ro
 // detector zones.
 std::vector<std::string> candidates(Inputs inputs, std::size_t zones);
 // Returns the default model, which "auto" chooses if there are a few thousand records.
-std::string usual_model(Inputs inputs, std::size_t zones = 0);
+std::string usual_model(Inputs inputs, std::size_t zones = 1);
 
 // Returns the index of the cheapest model (fewest multiply-adds) with an IoU within one standard
 // error of the best. Source: Breiman et al., Classification and Regression Trees, 1984, 3.4.3. Uses

@@ -33,31 +33,28 @@ std::vector<double> lateral_errors(const Matrix& maps, const Matrix& truth,
 }
 
 // Learns how much the errors increase if the radar profile was converted from a wider response
-// (imitate_brought).
+// (WiderRadars).
 void learn_brought(LateralError& lateral, const Estimator& model, const Dataset& data,
                    const Rows& usual, const std::vector<HeldOut>& judged, Rng& rng) {
   // Maximum number of records per model. If 500 records are used, the fraction of errors within the
   // interval has a standard error of .013.
   constexpr std::size_t most_records = 500;
   const Inputs inputs = model.features.inputs;
-  if (inputs == Inputs::spd) return;
-  const record::RadarResponse own = widest_response(data);
-  const RadarNoise noise(data, usual);
-  for (const record::RadarResponse& wider : wider_responses(own)) {
+  const WiderRadars wider(data, usual, inputs);
+  for (std::size_t k = 0; k < wider.size(); ++k) {
     Matrix predictors;
     std::vector<double> errors;
     for (const HeldOut& part : judged) {
       Rows some = part.rows;
       some.resize(std::min(some.size(), most_records));
-      Dataset records = part_of(data, some);
-      imitate_brought(records, own, wider, noise, rng);
+      const Dataset records = wider.imitated(k, data, some, rng);
       const Rows all = all_rows(some.size());
       const Matrix made = part.model.maps(records, all);
       append_rows(predictors, predictors_of(made, model.scene, records, all, inputs));
-      const auto more = lateral_errors(made, records.depth, model.scene);
+      const auto more = lateral_errors(made, records.depth(), model.scene);
       errors.insert(errors.end(), more.begin(), more.end());
     }
-    lateral.add_brought(wider.width_m() / own.width_m(), predictors, errors);
+    lateral.add_brought(wider.times_wider(k), predictors, errors);
   }
 }
 
@@ -69,29 +66,27 @@ void degrade(Dataset& data, Rng& rng) {
   std::normal_distribution<float> normal;
   for (std::size_t i = 0; i < data.size(); ++i) {
     const double share = std::pow(10, photons(rng));
-    // Counts are rounded, because the counts of a calibrated run are not integers.
-    const auto thin = [&](std::span<float> counts) {
-      for (float& v : counts)
-        v = static_cast<float>(
-            std::binomial_distribution<long>(std::max(std::lround(v), 0L), share)(rng));
-    };
-    const auto sum = data.spd.row(i), zones = data.zone_spd.row(i);
-    thin(zones.empty() ? sum : zones);
-    if (!zones.empty()) std::ranges::fill(sum, 0.F);
-    for (std::size_t k = 0; k < zones.size(); ++k) sum[k % sum.size()] += zones[k];
-    const auto power = data.radar.row(i);
-    if (power.empty()) continue;
-    const auto level = static_cast<float>(std::pow(10, noise(rng)));
-    const float deviation = level * *std::max_element(power.begin(), power.end());
-    for (float& v : power) v += deviation * normal(rng);
-    // Each bin has the real lag 0, which is the mean power of the antennas, then complex lags.
-    const auto lags = data.array.row(i);
-    const std::size_t values = lag_values(longest_lag(data.array_axis));
-    float top = 0;
-    for (std::size_t k = 0; k < lags.size(); k += values) top = std::max(top, lags[k]);
-    for (std::size_t k = 0; k < lags.size(); ++k)
-      lags[k] +=
-          level * top * (k % values == 0 ? 1 : std::numbers::sqrt2_v<float> / 2) * normal(rng);
+    float level = 0;
+    for (Column& column : data.columns) {
+      const auto row = column.row(i);
+      if (column.noise == Noise::none || row.empty()) continue;
+      if (column.noise == Noise::counts) {
+        // Counts are rounded, because the counts of a calibrated run are not integers.
+        for (float& v : row)
+          v = static_cast<float>(
+              std::binomial_distribution<long>(std::max(std::lround(v), 0L), share)(rng));
+        continue;
+      }
+      if (column.noise == Noise::power) level = static_cast<float>(std::pow(10, noise(rng)));
+      // A bin of lags begins with the real lag 0, which is the mean power of the antennas; the
+      // other lags are complex.
+      const std::size_t values = column.axis.values_per_bin();
+      float top = 0;
+      for (std::size_t k = 0; k < row.size(); k += values) top = std::max(top, row[k]);
+      for (std::size_t k = 0; k < row.size(); ++k)
+        row[k] +=
+            level * top * (k % values == 0 ? 1 : std::numbers::sqrt2_v<float> / 2) * normal(rng);
+    }
   }
 }
 
@@ -107,7 +102,7 @@ UncertaintyModel fit_uncertainty(const Estimator& model, const Dataset& data, co
   out.detector =
       OutOfDistributionDetector(model.alignment, data, views, usual, inputs, model.scene, seed);
   Rng rng = make_rng(seed, noise_stream);
-  Matrix predictors, maps, truth(0, data.depth.cols);
+  Matrix predictors, maps, truth(0, data.depth().cols);
   SoftMaps soft;
   std::vector<double> errors;
   // Predicts the maps of all held-out records: first those of the unmodified records, then those of
@@ -122,10 +117,10 @@ UncertaintyModel fit_uncertainty(const Estimator& model, const Dataset& data, co
       const Matrix made = part.model.maps(records, all, part.model.views(records, all, false),
                                           plain ? &own : nullptr);
       append_rows(predictors, predictors_of(made, model.scene, records, all, inputs));
-      const auto more = lateral_errors(made, records.depth, model.scene);
+      const auto more = lateral_errors(made, records.depth(), model.scene);
       errors.insert(errors.end(), more.begin(), more.end());
       if (!plain) continue;
-      append_rows(maps, made), append_rows(truth, records.depth);
+      append_rows(maps, made), append_rows(truth, records.depth());
       append_rows(soft.foreground_probability, own.foreground_probability);
       append_rows(soft.depth, own.depth);
     }

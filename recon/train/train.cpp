@@ -61,13 +61,13 @@ std::vector<TrainingPlan> wanted_of(const Dataset& data, const std::string& name
   if (!options.fallback || !both_sensors(inputs) ||
       ignores_inputs(candidate_of(name, options.fit).model))
     return out;
-  if (inputs == Inputs::fused && aligned && data.array_axis.count > 0)
+  if (inputs == Inputs::fused && aligned && data.array().axis.count > 0)
     out.push_back({name, Inputs::fused_profile, options.scaling, options.fit, enough});
   FitOptions of_spd;
   of_spd.seed = options.fit.seed, of_spd.quiet = options.fit.quiet;
   of_spd.epochs = options.fit.epochs;
-  out.push_back(
-      {usual_model(Inputs::spd, data.zones.size()), Inputs::spd, "record", of_spd, enough_of_spd});
+  out.push_back({usual_model(Inputs::spd, data.spd().axis.zones.size()), Inputs::spd, "record",
+                 of_spd, enough_of_spd});
   return out;
 }
 
@@ -80,7 +80,7 @@ Estimator train_one(const TrainingPlan& wanted, const Dataset& data, const Split
   const std::string which = name + " on " + name_of(inputs);
   say(options, which + ": aligning " + std::to_string(data.size()) + " records, then fitting");
   const Preprocessing preprocessing(data, split.train, aligned ? inputs : without_antennas(inputs),
-                                    scene, uncertainties || aligned);
+                                    scene, uncertainties || aligned, options.background);
   Estimator out = fit_model(data, split, preprocessing, name, inputs, scaling, fit);
   out.alignment = preprocessing.alignment;
   if (!uncertainties || out.log.interrupted) return out;
@@ -109,8 +109,7 @@ TrainedModel train_split(const Dataset& data, const Split& split, const SceneMod
   model.split = options.split;
   model.training = training_records(data, split);
   model.data_hash = data.hash;
-  model.radar_response = widest_response(data);
-  model.any_response = options.any_response;
+  model.response = ModelResponse(data, options.any_response);
   model.exclusions = data.exclusions;
   for (const TrainingPlan& wanted : wanted_of(data, name, options)) {
     if (!model.estimators.empty() && interrupted()) break;
@@ -125,7 +124,7 @@ TrainedModel train_split(const Dataset& data, const Split& split, const SceneMod
 
 Rows usable_rows(const Dataset& data, const TrainOptions& options) {
   const Inputs inputs = inputs_to_train(options);
-  if (inputs == Inputs::fused && data.arrays_differ)
+  if (inputs == Inputs::fused && data.array().differs)
     say(options,
         "the radar antennas differ between the runs: only the radar range profile is used");
   TrainingRows usable = rows_to_train(data, inputs);
@@ -156,7 +155,7 @@ TrainedModel train(const Dataset& data, const TrainOptions& options) {
   const Rows rows = usable_rows(data, options);
   if (const std::string text = loud ? late_truth(data) : ""; !text.empty()) say(options, text);
   const Split split = make_split(rows, options.split);
-  const SceneModel scene = learn_scene(data.depth, split.train, data.map);
+  const SceneModel scene = learn_scene(data.depth(), split.train, data.map);
   if (loud) warn_of_split(data, rows, split, scene, options.split);
   const std::string name = options.model == "auto" ? choose(data, split, options) : options.model;
   return train_split(data, split, scene, name, options);

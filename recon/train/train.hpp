@@ -22,6 +22,9 @@ struct TrainOptions {
   // If true, training runs that do not include their radar response may have any response, like the
   // runs of a digital twin.
   bool any_response = false;
+  // Records of the room without people, on the axes of the training data; they define the
+  // background of the sensor data. No records: the background is learnt from the training records.
+  Dataset background = {};
   // How to treat records with a doubtful verdict (see doubt_of): "leave" excludes them, and
   // "take" uses them.
   std::string doubtful = "leave";

@@ -96,9 +96,9 @@ namespace {
 // Returns every seventh pixel of the depth maps in `rows`, one map per row.
 Matrix sampled(const Dataset& data, const Rows& rows) {
   constexpr std::size_t pixel_step = 7;
-  Matrix out(rows.size(), (data.depth.cols + pixel_step - 1) / pixel_step);
+  Matrix out(rows.size(), (data.depth().cols + pixel_step - 1) / pixel_step);
   for (std::size_t i = 0; i < rows.size(); ++i) {
-    const auto map = data.depth.row(rows[i]);
+    const auto map = data.depth().row(rows[i]);
     for (std::size_t p = 0; p < out.cols; ++p) out.row(i)[p] = map[p * pixel_step];
   }
   return out;
@@ -170,7 +170,7 @@ std::string recurring_scenes(const Dataset& data, const Split& split, const Scen
   Rows judged;
   const std::size_t step = split.test.size() / sample + 1;
   for (std::size_t i = 0; i < split.test.size(); i += step)
-    if (shows_body(data.depth.row(split.test[i]), scene)) judged.push_back(split.test[i]);
+    if (shows_body(data.depth().row(split.test[i]), scene)) judged.push_back(split.test[i]);
   if (judged.size() < least) return {};
   const Matrix maps = sampled(data, judged), training = sampled(data, split.train);
   std::vector<double> gaps(judged.size());

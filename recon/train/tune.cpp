@@ -35,7 +35,7 @@ bool can_be_tuned(const std::string& kind) {
 // Returns the scene learnt from `rows` if at least 20 % of the background pixels changed; otherwise
 // the scene of the model.
 SceneModel scene_for(const Estimator& from, const Dataset& data, const Rows& rows) {
-  SceneModel scene = learn_scene(data.depth, rows, data.map);
+  SceneModel scene = learn_scene(data.depth(), rows, data.map);
   std::size_t changed = 0;
   for (std::size_t p = 0; p < scene.background.size(); ++p)
     changed += std::abs(scene.background[p] - from.scene.background[p]) > 0.1f;
@@ -62,7 +62,8 @@ Estimator adapt(const Estimator& from, const Dataset& data, const Rows& rows, Ba
   Matrix scaled;
   const Matrix& taken = out.inputs(data, all, views, scaled);
   out.model = from.model->tuned(
-      {taken, data.depth, rows, &out.scene, &out.alignment, &data.radar, &data.array}, tuning);
+      {taken, data.depth(), rows, &out.scene, &out.alignment, &data.radar(), &data.array()},
+      tuning);
   return out;
 }
 
@@ -73,7 +74,7 @@ Estimator fit_alone(const Estimator& from, const Dataset& data, const Rows& rows
   FitOptions fit = from.model->sizes();
   fit.seed = options.tuning.seed, fit.quiet = true;
   const Preprocessing preprocessing(data, rows, aligned ? inputs : without_antennas(inputs),
-                                    learn_scene(data.depth, rows, data.map), aligned);
+                                    learn_scene(data.depth(), rows, data.map), aligned);
   const std::string scaling = aligned ? "record" : from.features.scaling;
   return fit_model(data, {rows, {}, {}}, preprocessing, from.name, inputs, scaling, fit);
 }
@@ -252,16 +253,16 @@ std::size_t best_start(const std::vector<Choice>& choices, double errors) {
 void match_for_tuning(const TrainedModel& from, const std::string& path, Dataset& data) {
   require_map(data, from->scene.grid, "the model");
   const Features& f = from->features;
-  const std::string run = data.sources.empty() ? "run" : printable(data.sources.front().path);
-  for (const auto& [found, wanted, what] : {std::tuple{data.spd_axis, f.layout().spd, "spd"},
-                                            {data.radar_axis, f.layout().radar, "radar"},
-                                            {data.array_axis, f.layout().array, "array"}})
-    if (wanted.count > 0 && found.count == 0)
-      throw Error(ExitCode::failed, run + ": has no " + what + ", which " + printable(path) +
-                                        " needs (" + name_of(f.inputs) + ")");
-  match_axes(data, f.spd_axis, f.radar_axis, f.inputs);
-  match_array(data, f.array_axis);
-  bring_to_response(data, from.radar_response, from.any_response);
+  const Layout used = f.layout();
+  for (const auto& [found, wanted] : {std::pair{&data.spd(), &used.spd},
+                                      {&data.radar(), &used.radar},
+                                      {&data.array(), &used.array}})
+    if (wanted->count > 0 && found->axis.count == 0)
+      throw Error(ExitCode::failed, printable(data.path()) + ": has no " + wanted->name +
+                                        ", which " + printable(path) + " needs (" +
+                                        name_of(f.inputs) + ")");
+  match_axes(data, f.axes, f.inputs);
+  from.response.convert(data);
 }
 
 TunedModel tune(const std::vector<Start>& starts, const TuneOptions& options) {
@@ -307,8 +308,7 @@ TunedModel tune(const std::vector<Start>& starts, const TuneOptions& options) {
   model->fit.seed = options.tuning.seed;
   model.training = both(from.training, training_records(data, split));
   model.data_hash = data.hash;
-  model.radar_response = by_alone ? widest_response(data) : from.radar_response;
-  model.any_response = !by_alone && from.any_response;
+  model.response = by_alone ? ModelResponse(data) : from.response;
   model.exclusions = data.exclusions;
   const bool stayed = split.train.size() < least_cross_fitted && choice.is(unchanged);
   if (stayed)

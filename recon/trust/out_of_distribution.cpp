@@ -134,26 +134,17 @@ OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
   const std::size_t parts = rows.size() < many_records ? folds_of_few : folds_of_many;
   std::vector<StatisticValues> held;
   std::vector<bool> held_two;
-  const record::RadarResponse own =
-      inputs == Inputs::spd ? record::RadarResponse{} : widest_response(data);
-  const auto wider = wider_responses(own);
-  const RadarNoise noise(data, rows);
+  const WiderRadars wider(data, rows, inputs);
   std::vector<std::vector<StatisticValues>> held_brought(wider.size());
-  // Returns the descriptions of records as if they had been converted from the response `from`.
-  const auto describe_brought = [&](const Rows& some, const record::RadarResponse& from) {
-    Rows taken;
-    for (const std::size_t i : some) taken.push_back(rows[i]);
-    Dataset brought = part_of(data, taken);
-    imitate_brought(brought, own, from, noise, rng);
-    return describe_all(brought, sensors, alignment);
-  };
   for (std::size_t part = few ? 0 : parts - 1; part < parts; ++part) {
     const Split fold = make_fold(order, part, parts, 0);
     learn(fold.train);
     for (const std::size_t i : fold.test)
       held.push_back(find(all.row(i))), held_two.push_back(shows_two(i));
     for (std::size_t k = 0; k < wider.size(); ++k) {
-      const Matrix brought = describe_brought(fold.test, wider[k]);
+      Rows some;
+      for (const std::size_t i : fold.test) some.push_back(rows[i]);
+      const Matrix brought = describe_all(wider.imitated(k, data, some, rng), sensors, alignment);
       for (std::size_t i = 0; i < brought.rows; ++i)
         held_brought[k].push_back(find(brought.row(i)));
     }
@@ -161,7 +152,7 @@ OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
   if (few) learn(order);
   limits_ = limits_of(held, held_two);
   for (std::size_t k = 0; k < wider.size(); ++k)
-    brought_.push_back({wider[k].width_m() / own.width_m(), limits_of(held_brought[k], held_two)});
+    brought_.push_back({wider.times_wider(k), limits_of(held_brought[k], held_two)});
 }
 
 std::vector<float> OutOfDistributionDetector::describe(std::span<const float> view,
@@ -169,7 +160,7 @@ std::vector<float> OutOfDistributionDetector::describe(std::span<const float> vi
   std::vector<float> out(first_[groups]);
   std::ranges::copy(view.last(first_[range + 1]), out.begin());
   const auto whole = std::span(out).subspan(first_[profile]);
-  std::copy_n(data.radar.row(row).begin(), whole.size(), whole.begin());
+  std::copy_n(data.radar().row(row).begin(), whole.size(), whole.begin());
   normalise(whole);
   return out;
 }

@@ -88,10 +88,10 @@ Matrix record_numbers_of(const Alignment& alignment, const Dataset& data, const 
     std::vector<float> one(record_number_count, NAN);
     if (inputs != Inputs::radar)
       std::ranges::copy(
-          numbers_of_spd(alignment.columns(view).histogram, data.spd.row(row), double{view.back()}),
+          numbers_of_spd(alignment.columns(view).histogram, data.counts(row), double{view.back()}),
           one.begin());
     if (inputs != Inputs::spd) {
-      const auto power = data.radar.row(row);
+      const auto power = data.radar().row(row);
       const auto body = view.empty() ? power : alignment.columns(view).profile;
       std::ranges::copy(numbers_of_radar(body, power), one.begin() + 4);
     }

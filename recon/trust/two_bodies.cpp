@@ -39,10 +39,10 @@ KnownBodies known_bodies(const Alignment& alignment, const Features& sensors, co
   for (std::size_t i = 0; i < rows.size(); ++i) {
     std::vector<float> view(alignment.size());
     align(all.row(i), alignment, view);
-    const auto place = place_of(data.depth.row(rows[i]), scene.background, scene.grid);
+    const auto place = place_of(data.depth().row(rows[i]), scene.background, scene.grid);
     if (!shows_body(view) || !place) continue;
     out.observations.add_row(all.row(i)), out.views.add_row(view), out.places.push_back(*place);
-    out.radar.add_row(all.row(i).subspan(layout.spd.count, out.radar.cols));
+    out.radar.add_row(layout.parts(all.row(i)).power);
   }
   return out;
 }
@@ -81,7 +81,7 @@ Classifier learn_two_bodies(const Alignment& alignment, const Features& sensors,
 
   const auto any = [&](Rng& rng) { return any_row(bodies.size(), rng); };
   // Subtracts the background from all but one body, because a real record contains it only once.
-  const std::vector<float> background = alignment.background();
+  const std::vector<float>& background = alignment.background();
   const auto add_up = [&](std::span<const BodySource> some, std::span<float> view) {
     const auto first = observations.row(some[0].k);
     std::vector<float> sum(first.begin(), first.end());

@@ -57,7 +57,8 @@ std::size_t predictor_count(Inputs inputs) { return both_sensors(inputs) ? 3 : 2
 }  // namespace
 
 bool side_by_ranges(const Dataset& data, Inputs inputs) {
-  return inputs == Inputs::fused_profile || (inputs == Inputs::fused && data.array_axis.count == 0);
+  return inputs == Inputs::fused_profile ||
+         (inputs == Inputs::fused && data.array().axis.count == 0);
 }
 
 Matrix predictors_of(const Matrix& maps, const SceneModel& scene, const Dataset& data,
@@ -66,11 +67,11 @@ Matrix predictors_of(const Matrix& maps, const SceneModel& scene, const Dataset&
   for_each_part(rows.size(), [&](std::size_t i) {
     const auto row = out.row(i);
     row.front() = static_cast<float>(std::abs(foreground_tangent(maps.row(i), scene)));
-    if (inputs != Inputs::radar) row[1] = std::log(significance(data.spd.row(rows[i])) + 1);
+    if (inputs != Inputs::radar) row[1] = std::log(significance(data.counts(rows[i])) + 1);
     if (inputs == Inputs::spd) return;
     const double smoothed =
-        data.sources.empty() ? 1 : data.sources[data.source_of(rows[i])].noise_factor;
-    row.back() = std::log(peak_to_noise(data.radar.row(rows[i])) *
+        data.sources.empty() ? 1 : data.sources[data.source_of(rows[i])].response.noise_factor;
+    row.back() = std::log(peak_to_noise(data.radar().row(rows[i])) *
                           static_cast<float>(std::min(smoothed, 1.)));
   });
   return out;

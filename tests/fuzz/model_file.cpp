@@ -28,8 +28,8 @@ constexpr std::size_t spd_bins = 30, radar_bins_ = 24, pixels = 64 * 64;
 // sensors detect the plate.
 Dataset plates(std::size_t count) {
   Dataset d;
-  d.spd_axis = {"spd", "counts", "ps", spd_bins, 16000, 400, 1};
-  d.radar_axis = {"radar", "power", "m", radar_bins_, 0, 0.25, 1};
+  photons(d).axis = Axis{"spd", "counts", "ps", spd_bins, 16000, 400, 1};
+  profiles(d).axis = Axis{"radar", "power", "m", radar_bins_, 0, 0.25, 1};
   photons(d) = Matrix(count, spd_bins), profiles(d) = Matrix(count, radar_bins_);
   depth_maps(d) = Matrix(count, pixels);
   const auto bump = [](double at, double centre, double width) {
@@ -40,11 +40,11 @@ Dataset plates(std::size_t count) {
     const double x = 2 * (turn - std::floor(turn)) - 1, z = 3 + static_cast<double>(i % 7) / 7;
     for (std::size_t b = 0; b < spd_bins; ++b)
       photons(d).row(i)[b] =
-          std::round(2 + 2e4f * bump(d.spd_axis.at(static_cast<double>(b) + 0.5) / ps_per_m,
+          std::round(2 + 2e4f * bump(photons(d).axis.at(static_cast<double>(b) + 0.5) / ps_per_m,
                                      std::hypot(x, z), 0.2));
     for (std::size_t b = 0; b < radar_bins_; ++b)
       profiles(d).row(i)[b] =
-          bump(d.radar_axis.at(static_cast<double>(b)), std::hypot(x + 0.5, z), 0.4) +
+          bump(profiles(d).axis.at(static_cast<double>(b)), std::hypot(x + 0.5, z), 0.4) +
           0.002f * static_cast<float>((i * 7 + b * 5) % 11);
     const auto centre = static_cast<std::size_t>(32 + 20 * x / z * 3);
     for (std::size_t r = 20; r < 44; ++r)

@@ -52,10 +52,13 @@ TEST_CASE("loading a calibrated run subtracts the calibration offsets from the r
   const Folder dir;
   a_run(2).write(dir / "a");
   const Dataset raw = load({dir / "a"});
-  const double bins = 2, spd_m = bins * raw.spd_axis.step * speed_of_light_m_s / 2e12;
-  a_run(2).offset(Sensor::spd, spd_m).offset(Sensor::radar, -raw.radar_axis.step).write(dir / "b");
+  const double bins = 2, spd_m = bins * photons(raw).axis.step * speed_of_light_m_s / 2e12;
+  a_run(2)
+      .offset(Sensor::spd, spd_m)
+      .offset(Sensor::radar, -profiles(raw).axis.step)
+      .write(dir / "b");
   const Dataset moved = load({dir / "b"});
-  CHECK(same_axis(moved.spd_axis, raw.spd_axis));
+  CHECK(same_axis(photons(moved).axis, photons(raw).axis));
   for (std::size_t i = 0; i + 2 < photons(raw).cols; ++i)
     CHECK(photons(moved).row(1)[i] ==
           Approx(photons(raw).row(1)[i + 2]).epsilon(1e-3).margin(1e-3));
@@ -114,7 +117,7 @@ TEST_CASE("a run is interpolated to the axes of another run if they differ by le
   near.start += 0.1;
   a_run(2).write(dir / "a"), a_run(2).radar(near).write(dir / "b");
   const Dataset data = load({dir / "a", dir / "b"});
-  CHECK(same_axis(data.radar_axis, radar_axis()));
+  CHECK(same_axis(profiles(data).axis, radar_axis()));
   const auto first = profiles(data).row(0), moved = profiles(data).row(2);
   CHECK(moved[10] == Approx(0.4 * first[9] + 0.6 * first[10]));
 }
@@ -166,7 +169,7 @@ TEST_CASE("the median is subtracted from range profiles that include the receive
   CHECK_THAT(error_of([&] { load({dir / "a"}); }), Catch::Contains("record 1"));
   const Dataset data = load_part(record::RunReader(dir / "a"), 0, 2, sensors_of(Inputs::radar),
                                  [](std::int64_t, const std::string&) {});
-  CHECK(data.radar_axis.quantity == "power");
+  CHECK(profiles(data).axis.quantity == "power");
   CHECK(profiles(data).row(0)[7] == Approx(15));
   CHECK(profiles(data).row(0)[8] == 0);
 }
@@ -176,14 +179,14 @@ TEST_CASE("a radar axis longer than the model axis is cropped, and other differe
   a_run(2).radar(radar_axis(40)).write(dir / "long");
   Dataset data = load({dir / "long"});
   const Dataset before = data;
-  match_axes(data, data.spd_axis, radar_axis(24), Inputs::fused);
+  match_axes(data, {photons(data).axis, radar_axis(24)}, Inputs::fused);
   CHECK(profiles(data).cols == 24);
   CHECK(profiles(data).row(1)[23] == profiles(before).row(1)[23]);
   const auto refused = [&](const Axis& spd, const Axis& radar, Inputs inputs) {
     Dataset copy = before;
-    return error_of([&] { match_axes(copy, spd, radar, inputs); });
+    return error_of([&] { match_axes(copy, {spd, radar}, inputs); });
   };
-  const Axis spd = before.spd_axis;
+  const Axis spd = photons(before).axis;
   CHECK_THAT(
       refused(spd, radar_axis(50), Inputs::fused),
       Catch::Contains("radar axis is 40") && Catch::EndsWith(": too short: 40 bins, expected 50"));
@@ -203,8 +206,8 @@ TEST_CASE("a radar axis longer than the model axis is cropped, and other differe
 
 TEST_CASE("records are interpolated to the model axis if the two axes differ by less than a bin") {
   Dataset data;
-  data.spd_axis = {"spd", "counts", "ps", 5, 100, 10, 1};
-  data.radar_axis = {"radar", "power", "m", 4, 0, 0.5, 1};
+  photons(data).axis = Axis{"spd", "counts", "ps", 5, 100, 10, 1};
+  profiles(data).axis = Axis{"radar", "power", "m", 4, 0, 0.5, 1};
   photons(data) = Matrix(0, 5), profiles(data) = Matrix(0, 4);
   photons(data).add_row(std::vector<float>{0, 10, 20, 40, 0});
   profiles(data).add_row(std::vector<float>{1, 2, 4, 8});
@@ -212,13 +215,13 @@ TEST_CASE("records are interpolated to the model axis if the two axes differ by 
   const Axis spd{"spd", "counts", "ps", 5, 104, 10, 1},
       radar{"radar", "power", "m", 4, -0.25, 0.5, 1};
   Dataset moved = data;
-  match_axes(moved, spd, radar, Inputs::fused_profile);
+  match_axes(moved, {spd, radar}, Inputs::fused_profile);
   CHECK(photons(moved).values == std::vector<float>{4, 14, 28, 24, 0});
   CHECK(profiles(moved).values == std::vector<float>{1, 1.5, 3, 6});
-  CHECK(same_axis(moved.spd_axis, spd));
-  CHECK(same_axis(moved.radar_axis, radar));
+  CHECK(same_axis(photons(moved).axis, spd));
+  CHECK(same_axis(profiles(moved).axis, radar));
   CHECK_THAT(error_of([&] {
-               match_axes(data, {"spd", "counts", "ps", 5, 111, 10, 1}, radar, Inputs::spd);
+               match_axes(data, {Axis{"spd", "counts", "ps", 5, 111, 10, 1}}, Inputs::spd);
              }),
              Catch::Contains("spd axis is 5"));
 }
@@ -230,7 +233,7 @@ TEST_CASE("summing radar power into wider bins preserves the total power") {
   CHECK(paper.at(13.5) == 7);
   const auto profile = [](const Axis& axis, std::vector<float> power) {
     Dataset data;
-    data.radar_axis = axis;
+    profiles(data).axis = axis;
     data.valid = {2};
     profiles(data).cols = axis.count;
     profiles(data).add_row(power);
@@ -241,7 +244,7 @@ TEST_CASE("summing radar power into wider bins preserves the total power") {
     for (std::size_t i = 0; i < power.size(); ++i) power[i] = static_cast<float>(8 + i * i % 64);
     Dataset data = profile({"radar", "power", "m", 256, 0, 0.0625, 1}, power);
     rebin_radar(data, paper);
-    REQUIRE(same_axis(data.radar_axis, paper));
+    REQUIRE(same_axis(profiles(data).axis, paper));
     // The model's range ends in the middle of the bin at 7 m (point 112), so only half of this bin
     // counts.
     double sum = 0, expected = power[112] / 2.0;
@@ -284,9 +287,9 @@ TEST_CASE("a model trained on binned radar power accepts runs with unbinned powe
   const Folder dir;
   a_run(60).radar(radar_axis(40)).write(dir / "run");
   Dataset data = load({dir / "run"});
-  match_axes(data, data.spd_axis, radar_bins(0.5), Inputs::fused);
+  match_axes(data, {photons(data).axis, radar_bins(0.5)}, Inputs::fused);
   CHECK(profiles(data).cols == 14);
-  CHECK(data.radar_axis.quantity == "binned_power");
+  CHECK(profiles(data).axis.quantity == "binned_power");
   const std::string model = dir / "m";
   const auto done = [&](const std::string& arguments) {
     const auto outcome = recon_program(arguments);
@@ -401,7 +404,7 @@ TEST_CASE("loading part of a run reads only the requested sensors") {
   CHECK(data.has(0, Sensor::spd));
   CHECK_FALSE(data.has(0, Sensor::radar));
   CHECK_FALSE(data.has(0, Sensor::depth));
-  CHECK(data.radar_axis.count == 0);
+  CHECK(profiles(data).axis.count == 0);
   CHECK(profiles(data).values.empty());
   CHECK(depth_maps(data).values.empty());
   CHECK(photons(data).values.size() == 2 * spd_axis().count);

@@ -56,8 +56,8 @@ TrainedModel trained(const std::string& path, const std::string& empty, const st
   TrainOptions options;
   options.model = name, options.uncertainty = false;
   options.fit.epochs = 60, options.fit.quiet = true;
-  Dataset data = load({path});
-  if (!empty.empty()) state_empty_room(data, empty);
+  const Dataset data = load({path});
+  if (!empty.empty()) options.background = load_empty_room(data, empty).records;
   return train(data, options);
 }
 
@@ -117,14 +117,15 @@ TEST_CASE(
   Dataset data = load({dir / "here"});
   std::ranges::fill(profiles(data).row(3), 0.f);
   const std::vector<float> before(profiles(data).row(4).begin(), profiles(data).row(4).end());
-  std::vector<float> wall(profiles(data).cols, 0.5f);
-  wall[20] = 2;
-  exchange_room({{}, wall, {}}, data);
+  Dataset change;
+  profiles(change) = repeated_row(std::vector<float>(profiles(data).cols, 0.5f), 1);
+  profiles(change).row(0)[20] = 2;
+  exchange_room(change.columns, data);
   CHECK(data.fault_of(3, Inputs::fused) == "radar is the same in every bin");
   CHECK(profiles(data).row(4)[0] == before[0] + 0.5f);
   CHECK(profiles(data).row(4)[20] == before[20] + 2);
   write_room(dir / "four", here, 4, 2, false);
-  CHECK(error_of([&] { state_empty_room(data, dir / "four"); }) ==
+  CHECK(error_of([&] { load_empty_room(data, dir / "four"); }) ==
         (dir / "four") + ": 4 records have data of all sensors; expected at least 5");
 }
 
@@ -135,18 +136,17 @@ TEST_CASE("dead and doubtful records of an empty-room run are excluded and count
     damaged(dir / "empty", dir / "bad", "weak SPD in the records from ?1 to ?2", {first, last});
     if (dead)
       damage(dir / "bad", "histograms without counts in the records from ?1 to ?2", {first, last});
-    Dataset data = load({dir / "here"});
-    const std::string text = state_empty_room(data, dir / "bad");
-    return std::pair(text, photons(data.empty_room));
+    const EmptyRoom room = load_empty_room(load({dir / "here"}), dir / "bad");
+    return std::pair(room.left_out, photons(room.records).values);
   };
   Dataset sound = load({dir / "empty"});
   Rows rows;
   for (std::size_t row = 0; row < 20; ++row)
     if (row < 3 || row >= 15) rows.push_back(row);
-  const std::vector<float> mean = photons(empty_room_of(part_of(sound, rows), "sound"));
+  const std::vector<float> kept = photons(part_of(sound, rows)).values;
   CHECK(spoil(3, 14, true) ==
-        std::pair((dir / "bad") + ": 12 of 20 records left out: SPD weak 12", mean));
-  CHECK(spoil(3, 14, false).second == mean);
+        std::pair((dir / "bad") + ": 12 of 20 records left out: SPD weak 12", kept));
+  CHECK(spoil(3, 14, false).second == kept);
   CHECK_THAT(error_of([&] { spoil(0, 16, false); }),
              Catch::Contains("17 of 20 records left out: SPD weak 17"));
 }
@@ -187,7 +187,7 @@ TEST_CASE("an empty-room run is refused if its axes differ from those of the tra
   write_room(dir / "here", here, 20, 1);
   a_run(5).write(dir / "other");
   Dataset data = load({dir / "here"});
-  CHECK_THAT(error_of([&] { state_empty_room(data, dir / "other"); }),
+  CHECK_THAT(error_of([&] { load_empty_room(data, dir / "other"); }),
              Catch::StartsWith((dir / "other") + ": spd axis is 30 x ") &&
                  Catch::Contains("that of the training runs is 60 x "));
 }

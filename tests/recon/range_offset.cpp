@@ -34,7 +34,7 @@ TEST_CASE("the calibration offset and --range-offset are applied in one interpol
   const Dataset plain = load({dir / "plain"});
   const auto moved = [&](double metres, std::size_t row) {
     const auto profile = profiles(plain).row(row);
-    return Shift(metres / plain.radar_axis.step).apply({profile.begin(), profile.end()});
+    return Shift(metres / profiles(plain).axis.step).apply({profile.begin(), profile.end()});
   };
   const Dataset calibrated = load({dir / "run"});
   Dataset recorded = load_recorded({dir / "run"});

@@ -40,12 +40,18 @@ std::vector<float> profile(const record::RadarResponse& response) {
 
 Dataset run_of(const record::RadarResponse& response, const std::vector<float>& row) {
   Dataset data;
-  data.radar_axis = {"radar", "power", "m", 29, 0, 0.25};
+  profiles(data).axis = Axis{"radar", "power", "m", 29, 0, 0.25};
   profiles(data) = Matrix(0, row.size());
   profiles(data).add_row(row), profiles(data).add_row(std::vector<float>(row.size()));
   data.valid = {7, 7};
-  data.sources = {{"run", "", 0, 2, 0, response}};
+  data.sources = {{"run", "", 0, 2, 0, {response}}};
   return data;
+}
+
+void convert(Dataset& data, const record::RadarResponse& wanted, bool any = false) {
+  ModelResponse response;
+  response.radar = wanted, response.any = any;
+  response.convert(data);
 }
 
 double greatest_difference(std::span<const float> a, std::span<const float> b) {
@@ -60,13 +66,13 @@ double greatest_difference(std::span<const float> a, std::span<const float> b) {
 TEST_CASE("a range profile is converted from a narrow to a wide radar response") {
   for (const auto& [own, wanted] : {std::pair{sinc, hann}, {sinc, blackman}, {hann, blackman}}) {
     Dataset data = run_of(own, profile(own));
-    bring_to_response(data, wanted);
+    convert(data, wanted);
     CHECK(greatest_difference(profiles(data).row(0), profile(wanted)) < 0.02);
     // The profile of a sensor that receives nothing must remain zero.
     CHECK(greatest_difference(profiles(data).row(1), std::vector<float>(29)) == 0);
-    CHECK(data.sources[0].radar_response == wanted);
+    CHECK(data.sources[0].response.radar == wanted);
     Dataset again = data;
-    bring_to_response(again, wanted);
+    convert(again, wanted);
     CHECK(profiles(again).values == profiles(data).values);
   }
 }
@@ -82,11 +88,11 @@ TEST_CASE("antenna lags are converted to another radar response like the range p
     return out;
   };
   Dataset data = run_of(sinc, profile(sinc));
-  data.array_axis = {"array", "lags", "m", 29, 0, 0.25, 2};
+  antenna_lags(data).axis = Axis{"array", "lags", "m", 29, 0, 0.25, 2};
   antenna_lags(data) = Matrix(0, lags(sinc).size());
   antenna_lags(data).add_row(lags(sinc)),
       antenna_lags(data).add_row(std::vector<float>(antenna_lags(data).cols));
-  bring_to_response(data, blackman);
+  convert(data, blackman);
   CHECK(greatest_difference(antenna_lags(data).row(0), lags(blackman)) < 0.02);
 }
 
@@ -109,35 +115,37 @@ TEST_CASE(
     "a model trained for many radar responses does not convert runs with much narrower ones") {
   for (const auto& [own, stays] : {std::pair{sinc, true}, {hann, false}, {blackman, true}}) {
     Dataset data = run_of(own, profile(own));
-    bring_to_response(data, blackman, true);
-    CHECK((data.sources[0].radar_response == own) == stays);
+    convert(data, blackman, true);
+    CHECK((data.sources[0].response.radar == own) == stays);
     CHECK((greatest_difference(profiles(data).row(0), profile(own)) == 0) == stays);
   }
 }
 
 TEST_CASE("runs with binned power or an unknown radar response are not converted") {
   Dataset unstated = run_of({}, profile(sinc)), binned = run_of(sinc, profile(sinc));
-  binned.radar_axis.quantity = "binned_power";
+  profiles(binned).axis.quantity = "binned_power";
   for (Dataset* data : {&unstated, &binned}) {
-    bring_to_response(*data, blackman);
+    convert(*data, blackman);
     CHECK(greatest_difference(profiles(*data).row(0), profile(sinc)) == 0);
   }
-  CHECK_FALSE(widest_response(unstated).known());
-  binned.sources.push_back({"other", "", 2, 0, 0, hann});
-  binned.sources.push_back({"third", "", 4, 0, 0, sinc});
-  CHECK(widest_response(binned) == hann);
+  ModelResponse response(unstated);
+  CHECK_FALSE(response.radar.known());
+  binned.sources.push_back({"other", "", 2, 0, 0, {hann}});
+  binned.sources.push_back({"third", "", 4, 0, 0, {sinc}});
+  response = ModelResponse(binned);
+  CHECK(response.radar == hann);
 }
 
 TEST_CASE("conversion to another radar response sets the relative width and the noise factor") {
   Dataset same = run_of(sinc, profile(sinc)), wider = run_of(hann, profile(hann)),
           narrower = run_of(sinc, profile(sinc));
-  bring_to_response(same, sinc), bring_to_response(wider, sinc), bring_to_response(narrower, hann);
+  convert(same, sinc), convert(wider, sinc), convert(narrower, hann);
   CHECK(same.times_wider(0) == 1);
-  CHECK(same.sources[0].noise_factor == 1);
+  CHECK(same.sources[0].response.noise_factor == 1);
   CHECK(wider.times_wider(0) == Approx(hann.width_m() / sinc.width_m()));
-  CHECK(wider.sources[0].noise_factor > 1);
+  CHECK(wider.sources[0].response.noise_factor > 1);
   CHECK(narrower.times_wider(0) < 1);
-  CHECK(narrower.sources[0].noise_factor < 1);
+  CHECK(narrower.sources[0].response.noise_factor < 1);
 }
 
 TEST_CASE(
@@ -149,6 +157,8 @@ TEST_CASE(
   const auto noisy = [&](const record::RadarResponse& response) {
     Dataset data = run_of(response, profile(response));
     profiles(data) = Matrix(0, 29), data.valid.assign(records, 7);
+    data.index.resize(records), data.slot_end.resize(records), data.label.resize(records);
+    data.clicks_per_pulse.resize(records);
     for (std::size_t i = 0; i < records; ++i) {
       std::vector<float> row = profile(response);
       for (float& v : row) v += deviation * normal(rng);
@@ -158,17 +168,19 @@ TEST_CASE(
     return data;
   };
   const Rows all = all_rows(records);
-  Dataset imitated = noisy(sinc);
-  const RadarNoise noise(imitated, all);
-  CHECK(noise.power == Approx(deviation).epsilon(0.15));
-  for (const auto& wider : {hann, blackman}) {
-    Dataset brought = noisy(wider), imitation = imitated;
-    bring_to_response(brought, sinc);
-    imitate_brought(imitation, sinc, wider, noise, rng);
-    const RadarNoise of_brought(brought, all), of_imitation(imitation, all);
-    CHECK(of_brought.power > 1.5f * deviation);
-    CHECK(of_imitation.power == Approx(of_brought.power).epsilon(0.2));
+  const auto noise_of = [&](const Dataset& data) { return radar_noise(data, all)[0][0]; };
+  const Dataset plain = noisy(sinc);
+  CHECK(noise_of(plain) == Approx(deviation).epsilon(0.15));
+  const WiderRadars wider(plain, all, Inputs::fused);
+  REQUIRE(wider.size() >= 2);
+  for (std::size_t k = 0; k < 2; ++k) {
+    Dataset brought = noisy(wider_responses(sinc)[k]);
+    convert(brought, sinc);
+    CHECK(brought.times_wider(0) == Approx(wider.times_wider(k)));
+    CHECK(noise_of(brought) > 1.5f * deviation);
+    CHECK(noise_of(wider.imitated(k, plain, all, rng)) == Approx(noise_of(brought)).epsilon(0.2));
   }
+  CHECK(WiderRadars(plain, all, Inputs::spd).size() == 0);
 }
 
 TEST_CASE(

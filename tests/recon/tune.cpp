@@ -154,15 +154,15 @@ TEST_CASE("tuning is reproducible bit for bit") {
 TEST_CASE("tuning accepts axes that differ from the model axes by less than a bin") {
   const TrainedModel& old = old_model("factorised");
   Dataset near = plates(20, 5, false), far = near;
-  near.radar_axis.start += 0.1, far.radar_axis.start += 0.3;
+  profiles(near).axis.start += 0.1, profiles(far).axis.start += 0.3;
   match_for_tuning(old, "m", near);
-  CHECK(same_axis(near.radar_axis, old->features.radar_axis));
+  CHECK(same_axis(profiles(near).axis, old->features.axes.radar));
   CHECK(tune(old, near, all_records()).table.front().name == "unchanged");
   CHECK_THAT(error_of([&] { match_for_tuning(old, "m", far); }),
              Catch::EndsWith(": start differs by 1.2 bins (limit 1)"));
   // The axes start at the same range, but their steps differ, so they end at different ranges.
   Dataset longer = plates(20, 5, false);
-  longer.radar_axis.step *= 1 + 1.5 / longer.radar_axis.count;
+  profiles(longer).axis.step *= 1 + 1.5 / profiles(longer).axis.count;
   CHECK_THAT(error_of([&] { match_for_tuning(old, "m", longer); }),
              Catch::EndsWith(": step differs: 1.5 bins at the end of the axis (limit 1)"));
 }
@@ -225,10 +225,10 @@ TEST_CASE("tuning that trains only on new records adopts their axes and their ra
   options.model = "factorised-4", options.inputs = "fused", options.fallback = true;
   options.fit.quiet = true, options.fit.epochs = 2;
   TrainedModel old = train(plates(60, 1, false), options);
-  old.radar_response = wide;
+  old.response.radar = wide;
   Dataset own = plates(60, 5, false);
-  own.radar_axis.start += 0.05;
-  for (Source& source : own.sources) source.radar_response = narrow;
+  profiles(own).axis.start += 0.05;
+  for (Source& source : own.sources) source.response.radar = narrow;
   Dataset matched = own;
   match_for_tuning(old, "m", matched);
   REQUIRE(profiles(matched).values != profiles(own).values);
@@ -238,15 +238,15 @@ TEST_CASE("tuning that trains only on new records adopts their axes and their ra
     const TrainedModel model = recon::tune({{old, matched, own}}, how).model;
     const bool by_alone = how.only == "these records alone";
     CAPTURE(only);
-    CHECK(model.radar_response == (by_alone ? narrow : wide));
-    CHECK(same_axis(model->features.radar_axis, own.radar_axis) == by_alone);
+    CHECK(model.response.radar == (by_alone ? narrow : wide));
+    CHECK(same_axis(model->features.axes.radar, profiles(own).axis) == by_alone);
     // Before prediction, a run is converted to the axes and the radar response of the training
     // data.
     Dataset used = own;
     model.match(used);
     CHECK((profiles(used).values == profiles(own).values) == by_alone);
     REQUIRE(model.estimators.size() == old.estimators.size());
-    CHECK((model.estimators.back().features.spd_axis.count > 0));
+    CHECK((model.estimators.back().features.axes.spd.count > 0));
     CHECK(iou(model, used) > 0);
   }
 }

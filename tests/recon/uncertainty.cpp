@@ -201,7 +201,7 @@ TEST_CASE("photon thinning keeps the expected fraction of non-integer counts") {
 TEST_CASE("degrading a record adds noise of the same relative strength to all antenna lags") {
   constexpr std::size_t records = 400, bins = 40, values = 5;
   Dataset data = fresh_plates(records);
-  data.array_axis = {"array", "lags", "m", bins, 0, 0.25, 2};
+  antenna_lags(data).axis = Axis{"array", "lags", "m", bins, 0, 0.25, 2};
   antenna_lags(data) = Matrix(records, bins * values);
   for (std::size_t i = 0; i < records; ++i) antenna_lags(data).row(i)[0] = 7;
   const Matrix power = profiles(data);
@@ -264,7 +264,7 @@ record::RadarResponse bell(double times) {
 TEST_CASE(
     "records with a wider radar response are rarely flagged, and intervals cover most errors") {
   Dataset training = load_plates(800);
-  training.sources[0].radar_response = bell(1);
+  training.sources[0].response.radar = bell(1);
   TrainOptions options;
   options.model = "factorised-4", options.split.validation_share = 0.3, options.fit.quiet = true;
   const TrainedModel model = train(training, options);
@@ -284,7 +284,7 @@ TEST_CASE(
         power(r)[static_cast<std::size_t>(i)] = sum;
       }
     });
-    data.sources[0].radar_response = bell(times);
+    data.sources[0].response.radar = bell(times);
     const UncertaintyCalibration c = calibration_of(model, data);
     CHECK(c.flagged < 0.05);
     CHECK(c.within_90 > 0.8);

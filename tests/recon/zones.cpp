@@ -41,34 +41,44 @@ TEST_CASE(
   const Folder folder;
   write_zones(folder / "a", two, 12, 500 / ps_per_m);
   const Dataset data = load({folder / "a"});
-  CHECK(data.zones == two);
-  REQUIRE(zone_photons(data).cols == 2 * bins);
-  CHECK(zone_photons(data).row(0)[5] == Approx(100));
-  CHECK(zone_photons(data).row(0)[bins + 5] == Approx(100));
-  CHECK(photons(data).cols == bins);
-  CHECK(photons(data).row(0)[5] == Approx(200));
-  CHECK(zone_photons(part_of(data, {0})).values == zone_photons(data).values);
+  CHECK(photons(data).axis.zones == two);
+  REQUIRE(photons(data).cols == 2 * bins);
+  CHECK(photons(data).row(0)[5] == Approx(100));
+  CHECK(photons(data).row(0)[bins + 5] == Approx(100));
+  REQUIRE(data.counts(0).size() == bins);
+  CHECK(data.counts(0)[5] == Approx(200));
+  CHECK(photons(part_of(data, {0})).values == photons(data).values);
 }
 
-TEST_CASE("a data set recorded with a single-pixel detector has no zones") {
+TEST_CASE("a data set recorded with a single-pixel detector has one zone") {
   const Folder folder;
   write_zones(folder / "a", single_pixel(), 12);
   const Dataset data = load({folder / "a"});
-  CHECK(data.zones.empty());
-  CHECK(zone_photons(data).cols == 0);
+  CHECK(photons(data).axis.zones == Zones(1));
   CHECK(photons(data).row(0)[12] == 100);
+  CHECK(data.counts(0)[12] == 100);
 }
 
 TEST_CASE("each zone histogram is interpolated to the time axis of the model") {
   const Folder folder;
   write_zones(folder / "a", Zones(2), 10);
   Dataset data = load({folder / "a"});
-  Axis wanted = data.spd_axis;
+  ColumnAxis wanted = photons(data).axis;
   wanted.start = 50;
-  match_axes(data, wanted, data.radar_axis, Inputs::spd);
-  CHECK(zone_photons(data).row(0)[10] == Approx(50));
-  CHECK(zone_photons(data).row(0)[bins + 10] == Approx(50));
-  CHECK(zone_photons(data).row(0)[bins + 11] == Approx(50));
+  match_axes(data, {wanted, profiles(data).axis}, Inputs::spd);
+  CHECK(photons(data).row(0)[10] == Approx(50));
+  CHECK(photons(data).row(0)[bins + 10] == Approx(50));
+  CHECK(photons(data).row(0)[bins + 11] == Approx(50));
+}
+
+TEST_CASE("a model of a single pixel receives the sum over the zones") {
+  const Folder folder;
+  write_zones(folder / "a", two, 12, 500 / ps_per_m);
+  Dataset data = load({folder / "a"});
+  const std::vector<float> sum = data.counts(0);
+  match_axes(data, {spd}, Inputs::spd);
+  CHECK(photons(data).axis.zones.size() == 1);
+  CHECK(photons(data).values == sum);
 }
 
 TEST_CASE("loading refuses two runs with different detector zones") {
@@ -77,9 +87,9 @@ TEST_CASE("loading refuses two runs with different detector zones") {
   write_zones(folder / "b", Zones(3), 12);
   write_zones(folder / "c", {{-0.1, 0, 0.2, 0}, {0.1, 0.05, 0.2, 0}}, 12);
   write_zones(folder / "d", {{-0.1, 0, 0.2, 0}, {0.1, 0.005, 0.2, 0}}, 12);
-  CHECK_THROWS_WITH(load({folder / "a", folder / "b"}), Contains("here 3 zones"));
+  CHECK_THROWS_WITH(load({folder / "a", folder / "b"}), Contains("3 zones, expected 2"));
   CHECK_THROWS_WITH(load({folder / "a", folder / "c"}),
-                    Contains("the detector zones differ in number or direction"));
+                    Contains("zone 1 is at x 0.10, y 0.05 (tangents), expected x 0.10, y 0.00"));
   CHECK(load({folder / "a", folder / "d"}).size() == 2);
 }
 
@@ -90,12 +100,12 @@ TEST_CASE("raw model inputs are all zone histograms, and observations also conta
   const Dataset data = load({folder / "a"});
   const Features all = fit_features(data, {}, Inputs::spd, "plain"),
                  raw = fit_features(data, {}, Inputs::spd, raw_scaling);
-  CHECK(all.raw_inputs(data, {0}).values == zone_photons(data).values);
-  std::vector<float> both = photons(data).values;
-  both.insert(both.end(), zone_photons(data).values.begin(), zone_photons(data).values.end());
+  CHECK(all.raw_inputs(data, {0}).values == photons(data).values);
+  std::vector<float> both = data.counts(0);
+  both.insert(both.end(), photons(data).values.begin(), photons(data).values.end());
   for (const Features& any : {all, raw}) CHECK(observe(data, {0}, any).values == both);
-  CHECK_THROWS_WITH(all.raw_inputs(load({folder / "b"}), {0}),
-                    Contains("has 3 zones; the model expects 2"));
+  Dataset other = load({folder / "b"});
+  CHECK_THROWS_WITH(match_axes(other, all.axes, Inputs::spd), Contains("3 zones, expected 2"));
 }
 
 namespace {
@@ -107,14 +117,14 @@ Dataset plates_in_zones(std::size_t records, bool by_side) {
   Dataset data = load_plates(records);
   const Rows rows = all_rows(data.size());
   const SceneModel scene = learn_scene(depth_maps(data), rows, data.map);
-  data.zones = Zones(2), zone_photons(data) = Matrix(rows.size(), 2 * photons(data).cols);
+  const Matrix pixel = photons(data);
+  photons(data) = Matrix(rows.size(), 2 * pixel.cols), photons(data).axis.zones = Zones(2);
   for (const std::size_t row : rows) {
     const float tangent =
         by_side ? place_of(depth_maps(data).row(row), scene.background, scene.grid)->tangent : 0;
-    for (std::size_t c = 0; c < photons(data).cols; ++c) {
-      zone_photons(data).row(row)[c] = (0.5f - tangent) * photons(data).row(row)[c];
-      zone_photons(data).row(row)[photons(data).cols + c] =
-          (0.5f + tangent) * photons(data).row(row)[c];
+    for (std::size_t c = 0; c < pixel.cols; ++c) {
+      photons(data).row(row)[c] = (0.5f - tangent) * pixel.row(row)[c];
+      photons(data).row(row)[pixel.cols + c] = (0.5f + tangent) * pixel.row(row)[c];
     }
   }
   return data;
@@ -157,23 +167,23 @@ TEST_CASE("a model of zones refuses zones in another order, mirrored or without 
   const TrainedModel model = load_model(dir / "m");
   const auto prepared = [&](auto change) {
     Dataset data = load({dir / "a"});
-    change(data.zones);
+    change(photons(data).axis.zones);
     return prepare_records(model, std::move(data)).data.size();
   };
   CHECK(prepared([](Zones&) {}) == 24);
   CHECK(prepared([](Zones& zones) { zones[4].x += 0.009; }) == 24);
   CHECK_THROWS_WITH(prepared([](Zones& zones) { std::swap(zones[3], zones[5]); }),
-                    Contains("detector zone 3 is at x 0.33, y -0.02 (tangents); the model expects "
-                             "x -0.29, y -0.03; are the zones in another order?"));
+                    Contains("zone 3 is at x 0.33, y -0.02 (tangents), expected x -0.29, y "
+                             "-0.03; are the zones in another order?"));
   CHECK_THROWS_WITH(prepared([](Zones& zones) {
                       for (Zone& zone : zones) zone.y = -zone.y;
                     }),
-                    Contains("detector zone 0"));
+                    Contains(": zone 0 is at"));
   CHECK_THROWS_WITH(prepared([](Zones& zones) { zones = Zones(zones.size()); }),
-                    Contains("are unknown, but known in the training data"));
+                    Contains("the directions of the zones are unknown, expected known"));
 }
 
-TEST_CASE("degrading a record thins its zones and their sum together") {
+TEST_CASE("degrading a record thins each of its zones") {
   Dataset data = plates_in_zones(40, true);
   const Dataset before = data;
   Rng rng = make_rng(3, 0);
@@ -181,11 +191,8 @@ TEST_CASE("degrading a record thins its zones and their sum together") {
   double kept = 0, all = 0;
   for (std::size_t i = 0; i < data.size(); ++i)
     for (std::size_t c = 0; c < photons(data).cols; ++c) {
-      const float left = zone_photons(data).row(i)[c],
-                  right = zone_photons(data).row(i)[photons(data).cols + c];
-      REQUIRE(photons(data).row(i)[c] == left + right);
-      REQUIRE(left <= std::round(zone_photons(before).row(i)[c]));
-      kept += double{left + right}, all += double{photons(before).row(i)[c]};
+      REQUIRE(photons(data).row(i)[c] <= std::round(photons(before).row(i)[c]));
+      kept += double{photons(data).row(i)[c]}, all += double{photons(before).row(i)[c]};
     }
   CHECK(kept < 0.6 * all);
 }
