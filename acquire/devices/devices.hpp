@@ -10,7 +10,7 @@
 
 #include "acquire/config/config.hpp"
 #include "acquire/devices/device_locks.hpp"
-#include "acquire/stream/sample_check.hpp"
+#include "acquire/intake/sample_check.hpp"
 #include "drivers/core/driver.hpp"
 #include "drivers/port/loop.hpp"
 #include "drivers/util/exit_code.hpp"

@@ -7,10 +7,10 @@
 #include <utility>
 
 #include "acquire/devices/ask.hpp"
+#include "acquire/intake/clock_fit.hpp"
+#include "acquire/intake/signal_check.hpp"
+#include "acquire/intake/window.hpp"
 #include "acquire/run/disk.hpp"
-#include "acquire/run/signal_check.hpp"
-#include "acquire/run/window.hpp"
-#include "acquire/stream/clock_fit.hpp"
 #include "drivers/util/console.hpp"
 #include "drivers/util/printable.hpp"
 

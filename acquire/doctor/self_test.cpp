@@ -5,8 +5,8 @@
 #include <utility>
 
 #include "acquire/doctor/doctor.hpp"
+#include "acquire/intake/signal_check.hpp"
 #include "acquire/record/deflate.hpp"
-#include "acquire/run/signal_check.hpp"
 #include "drivers/util/format.hpp"
 
 namespace echofuse::acquire {

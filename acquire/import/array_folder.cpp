@@ -8,9 +8,9 @@
 #include <limits>
 #include <sstream>
 
+#include "acquire/intake/sample_check.hpp"
 #include "acquire/measurement/radar_array.hpp"
 #include "acquire/record/run_file.hpp"
-#include "acquire/stream/sample_check.hpp"
 #include "drivers/core/median.hpp"
 #include "drivers/util/printable.hpp"
 

@@ -8,7 +8,7 @@
 #include <set>
 #include <utility>
 
-#include "acquire/stream/clock_fit.hpp"
+#include "acquire/intake/clock_fit.hpp"
 
 namespace echofuse::acquire {
 namespace {

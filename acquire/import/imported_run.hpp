@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
+#include "acquire/intake/signal_check.hpp"
 #include "acquire/record/run_file.hpp"
-#include "acquire/run/signal_check.hpp"
 #include "drivers/core/clock.hpp"
 #include "drivers/util/new_file.hpp"
 

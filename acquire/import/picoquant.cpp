@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "acquire/import/tagged_file.hpp"
-#include "acquire/stream/tag_check.hpp"
+#include "acquire/intake/tag_check.hpp"
 #include "drivers/core/bytes.hpp"
 #include "drivers/util/printable.hpp"
 

@@ -9,16 +9,16 @@
 #include <utility>
 
 #include "acquire/devices/devices.hpp"
+#include "acquire/intake/scheduler.hpp"
+#include "acquire/intake/signal_check.hpp"
+#include "acquire/intake/tag_check.hpp"
+#include "acquire/intake/window.hpp"
 #include "acquire/record/columns.hpp"
 #include "acquire/run/disk.hpp"
 #include "acquire/run/doubt_hook.hpp"
 #include "acquire/run/journal.hpp"
 #include "acquire/run/new_run.hpp"
-#include "acquire/run/scheduler.hpp"
-#include "acquire/run/signal_check.hpp"
 #include "acquire/run/status.hpp"
-#include "acquire/run/window.hpp"
-#include "acquire/stream/tag_check.hpp"
 #include "drivers/port/raw_tap.hpp"
 #include "drivers/util/console.hpp"
 

@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "acquire/config/config.hpp"
-#include "acquire/run/scheduler.hpp"
+#include "acquire/intake/scheduler.hpp"
 #include "drivers/port/loop.hpp"
 #include "drivers/util/exit_code.hpp"
 

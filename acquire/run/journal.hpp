@@ -17,8 +17,8 @@
 #include <vector>
 
 #include "acquire/config/config.hpp"
+#include "acquire/intake/window.hpp"
 #include "acquire/record/run_file.hpp"
-#include "acquire/run/window.hpp"
 #include "drivers/core/driver.hpp"
 #include "drivers/port/loop.hpp"
 

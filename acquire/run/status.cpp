@@ -12,7 +12,7 @@
 #include <cstring>
 #include <utility>
 
-#include "acquire/run/signal_check.hpp"
+#include "acquire/intake/signal_check.hpp"
 #include "drivers/util/console.hpp"
 #include "drivers/util/format.hpp"
 #include "drivers/util/printable.hpp"

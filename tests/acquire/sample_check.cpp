@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "acquire/stream/sample_check.hpp"
+#include "acquire/intake/sample_check.hpp"
 
 #include <cmath>
 #include <functional>

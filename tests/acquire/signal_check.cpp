@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "acquire/run/signal_check.hpp"
+#include "acquire/intake/signal_check.hpp"
 
 #include <cmath>
 #include <numeric>

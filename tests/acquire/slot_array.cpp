@@ -5,8 +5,9 @@
 
 #include "acquire/commands/commands.hpp"
 #include "acquire/doctor/doctor.hpp"
+#include "acquire/intake/window.hpp"
 #include "acquire/record/columns.hpp"
-#include "acquire/run/window.hpp"
+#include "acquire/run/disk.hpp"
 #include "drivers/util/settings.hpp"
 #include "testing.hpp"
 

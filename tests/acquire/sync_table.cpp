@@ -7,7 +7,7 @@
 
 #include "../catch.hpp"
 #include "../fixtures/record.hpp"
-#include "acquire/run/window.hpp"
+#include "acquire/intake/window.hpp"
 
 using namespace echofuse;
 using namespace echofuse::acquire;

@@ -6,7 +6,7 @@
 
 #include "../catch.hpp"
 #include "../fixtures/record.hpp"
-#include "acquire/run/window.hpp"
+#include "acquire/intake/window.hpp"
 #include "drivers/core/random.hpp"
 
 using namespace echofuse;

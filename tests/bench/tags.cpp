@@ -13,7 +13,7 @@
 #include <limits>
 #include <string>
 
-#include "acquire/stream/tag_check.hpp"
+#include "acquire/intake/tag_check.hpp"
 #include "drivers/bridge/bridge_protocol.hpp"
 #include "drivers/core/crc32c.hpp"
 #include "drivers/core/random.hpp"
@@ -181,7 +181,7 @@ bool transport() {
 }
 
 // Measures the tag rate from bridge blocks to the histogram, with and without the checks of a run
-// (acquire/stream/tag_check.hpp).
+// (acquire/intake/tag_check.hpp).
 bool checked() {
   const auto tags = make_tags(true);
   std::uint64_t starts[2] = {};

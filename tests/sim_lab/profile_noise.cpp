@@ -60,7 +60,8 @@ TEST_CASE(
   for (std::int64_t i = 0; i < generator.records(); ++i) {
     const auto record = power(generator.make(i));
     of_dataset.push_back(peak_over_scatter({record.begin(), record.end()}));
-    // The frames of a slot are averaged in the same way as by the daemon (acquire/run/window.hpp).
+    // The frames of a slot are averaged in the same way as by the daemon
+    // (acquire/intake/window.hpp).
     const auto echoes = radar_power(radar_returns(generator.scene(i), c), axis);
     std::vector<double> slot(echoes.size());
     for (std::int64_t f = 0; f < frames; ++f) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "acquire/run/scheduler.hpp"
+#include "acquire/intake/scheduler.hpp"
 
 #include <utility>
 

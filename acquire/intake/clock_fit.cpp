@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "acquire/stream/clock_fit.hpp"
+#include "acquire/intake/clock_fit.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "acquire/stream/tag_check.hpp"
+#include "acquire/intake/tag_check.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "acquire/run/window.hpp"
+#include "acquire/intake/window.hpp"
 
 #include <algorithm>
 #include <cmath>

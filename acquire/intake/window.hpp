@@ -39,10 +39,10 @@
 #include <utility>
 #include <vector>
 
+#include "acquire/intake/clock_fit.hpp"
+#include "acquire/intake/scheduler.hpp"
 #include "acquire/measurement/radar_array.hpp"
 #include "acquire/record/fused_record.hpp"
-#include "acquire/run/scheduler.hpp"
-#include "acquire/stream/clock_fit.hpp"
 #include "drivers/tdc/histogram.hpp"
 
 namespace echofuse::acquire {
