@@ -28,12 +28,7 @@ const std::string& identity_of(const Device& device) {
 }  // namespace
 
 Devices::Devices(port::Loop& loop, const Config& config, SampleSink& next, port::RawKeeper* raw)
-    : loop_(loop),
-      config_(config),
-      next_(&next),
-      check_(config.window_s, [this](Sensor sensor, const std::string& text) {
-        on_event(sensor, Severity::warning, text);
-      }) {
+    : loop_(loop), config_(config), next_(&next), stream_(config, *this) {
   for (const Sensor s : all_sensors) {
     status(s).configured = config.configured().contains(s);
     status(s).info.address = address_of(config, s);
@@ -74,13 +69,14 @@ void Devices::start() {
                       "the calibration of " + printable(entry.date_utc, 40) +
                           " is older than 90 days; calibrate again");
   for (const Sensor s : all_sensors)
-    if (auto& driver = drivers_[s]; driver && !status(s).holder) driver->start(*this);
+    if (auto& driver = drivers_[s]; driver && !status(s).holder) driver->start(stream_);
 }
 
 void Devices::stop() {
   for (const Sensor s : halt())
     next_->on_event(s, Severity::warning,
                     "the device did not confirm the stop and may still be sending");
+  stream_.finish();
 }
 
 // Stops all drivers. Returns the sensors that did not confirm the stop in time.
@@ -144,19 +140,16 @@ void Devices::on_tags(const TagBlock& block) {
 }
 
 void Devices::on_histogram(HistogramFrame frame) {
-  if (!check_.take(frame)) return;
   status(Sensor::spd).samples += frame.pulses + frame.clicks();
   next_->on_histogram(std::move(frame));
 }
 
 void Devices::on_radar(RadarFrame frame) {
-  if (!config_.radar.address.empty()) check_.take(frame);
   ++status(Sensor::radar).samples;
   next_->on_radar(std::move(frame));
 }
 
 void Devices::on_depth(DepthFrame frame) {
-  check_.take(frame);
   ++status(Sensor::depth).samples;
   next_->on_depth(std::move(frame));
 }
@@ -177,7 +170,6 @@ void Devices::on_state(Sensor sensor, DeviceState state, const DeviceInfo& info)
   if (state == DeviceState::streaming) warn_of_another(sensor, info);
   if (state == DeviceState::streaming || !info.firmware.empty()) device.info = info;
   next_->on_state(sensor, state, info);
-  for (const Axis& axis : info.axes) check_.take(axis);
 }
 
 void Devices::abandon() {

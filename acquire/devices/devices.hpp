@@ -10,14 +10,15 @@
 
 #include "acquire/config/config.hpp"
 #include "acquire/devices/device_locks.hpp"
-#include "acquire/intake/sample_check.hpp"
+#include "acquire/intake/stream.hpp"
 #include "drivers/core/driver.hpp"
 #include "drivers/port/loop.hpp"
 #include "drivers/util/exit_code.hpp"
 
 namespace echofuse::acquire {
 
-// Receives all samples and events of the drivers, updates the status, and forwards them to `next`.
+// Receives the samples and events of the drivers through a Stream, updates the status, and forwards
+// them to `next`.
 // Threading: used only on the loop's thread.
 class Devices final : private SampleSink {
  public:
@@ -46,8 +47,8 @@ class Devices final : private SampleSink {
   // Takes only the locks that are free.
   void take_free(const std::string& command);
   void start();
-  // Stops all drivers in parallel and waits for them. Sends a warning to `next` for each device
-  // that does not confirm the stop.
+  // Stops all drivers in parallel, waits for them and ends the stream. Sends a warning to `next`
+  // for each device that does not confirm the stop.
   void stop();
   // Stops all drivers without sending events; for use after an exception.
   void abandon();
@@ -57,6 +58,7 @@ class Devices final : private SampleSink {
   void wait(double timeout_s);
   void refuse_misconfigured() const;  // throws Error(config) if a device is misconfigured
   const Status& operator[](Sensor s) const { return status_[s]; }
+  const SensorClocks& clocks() const { return stream_.clocks(); }
   // Returns the counters of the sensor's driver, even after the driver has ended; empty if the
   // sensor is not configured.
   std::vector<Counter> counters(Sensor s) const;
@@ -88,7 +90,7 @@ class Devices final : private SampleSink {
   // Serial number of the device; its model if the serial number is unknown.
   PerSensor<std::string> identities_;
   PerSensor<std::unique_ptr<Driver>> drivers_;
-  SampleCheck check_;
+  Stream stream_;
   PerSensor<std::vector<Counter>> last_counters_;  // counters of drivers that have ended
 };
 

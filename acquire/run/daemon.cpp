@@ -11,7 +11,6 @@
 #include "acquire/devices/devices.hpp"
 #include "acquire/intake/scheduler.hpp"
 #include "acquire/intake/signal_check.hpp"
-#include "acquire/intake/tag_check.hpp"
 #include "acquire/intake/window.hpp"
 #include "acquire/record/columns.hpp"
 #include "acquire/run/disk.hpp"
@@ -79,10 +78,7 @@ class Daemon final : private SampleSink {
     StatusLine status;
   };
 
-  void on_tags(const TagBlock& block) override {
-    tag_check_.take(block, [this](const TagBlock& repaired) { take_tags(repaired); });
-  }
-  void take_tags(const TagBlock& block);
+  void on_tags(const TagBlock& block) override;
   void on_histogram(HistogramFrame frame) override;
   void on_radar(RadarFrame frame) override;
   void on_depth(DepthFrame frame) override;
@@ -129,12 +125,9 @@ class Daemon final : private SampleSink {
   RunLog log_;
   std::optional<port::RawKeeper> raw_;
   Devices devices_;
-  TagCheck tag_check_{config_.histogram, true,
-                      [this](const std::string& text) { log(Severity::warning, "spd", text); }};
   DoubtHook on_doubt_{options_.on_doubt,
                       {config_.alert.lasting_s(config_.window_s), config_.alert.disk_free_gb},
                       [this](const std::string& text) { log(Severity::warning, "run", text); }};
-  SensorClocks clocks_;  // fitted to all samples, including those before the first slot
   std::optional<ActiveRun> recording_;
   RunTotals totals_;
   PerSensor<std::uint64_t> early_{};  // number of tags or frames received before the first slot
@@ -219,7 +212,7 @@ void Daemon::begin() {
   const SlotGrid grid{options_.kept_slot.value_or(first_slot(loop_.now() + settle_time, length)),
                       length};
   if (raw_) raw_->note("run", grid.first, "slots", length.count());
-  recording_.emplace(grid, config_, options_, clocks_, loop_, std::move(file));
+  recording_.emplace(grid, config_, options_, devices_.clocks(), loop_, std::move(file));
   log_.attach(recording_->journal);
   describe_run();
   warn_of_full_disk();
@@ -276,23 +269,19 @@ void Daemon::announce(Sensor sensor) {
   recording_->journal.put_axes(recording_->windows.axes());
 }
 
-void Daemon::take_tags(const TagBlock& block) {
-  clocks_.observe(block);
+void Daemon::on_tags(const TagBlock& block) {
   if (!is_early(Sensor::spd, block.tags.size())) recording_->windows.add(block);
 }
 
 void Daemon::on_histogram(HistogramFrame frame) {
-  clocks_.observe(frame);
   if (!is_early(Sensor::spd, frame.pulses + frame.clicks())) recording_->windows.add(frame);
 }
 
 void Daemon::on_radar(RadarFrame frame) {
-  clocks_.observe(frame);
   if (!is_early(Sensor::radar, 1)) recording_->windows.add(frame);
 }
 
 void Daemon::on_depth(DepthFrame frame) {
-  clocks_.observe(frame);
   if (!is_early(Sensor::depth, 1)) recording_->windows.add(std::move(frame));
 }
 
@@ -411,8 +400,6 @@ void Daemon::end() {
   ActiveRun& r = *recording_;
   notify_stopping();
   devices_.stop();
-  tag_check_.flush([this](const TagBlock& rest) { take_tags(rest); });
-  tag_check_.finish();
   if (raw_) {
     const port::RawKeeper::Counts bytes = raw_->finish();
     report_raw_trouble();
