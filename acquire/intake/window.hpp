@@ -59,6 +59,8 @@ class Windows {
   Windows(const SlotGrid& grid, const tdc::HistogramSettings& tdc, const SensorClocks& clocks,
           SensorSet configured, SensorSet required = {});
 
+  // Begins slot 0 at the time `first`, which replaces the start of the grid.
+  void begin(HostTime first) { grid_.first = first; }
   // Sets the axes of a device. The axes that are announced first apply to the whole run. Returns
   // false if a device has other axes. Its samples are then ignored until a device with the first
   // axes is announced.

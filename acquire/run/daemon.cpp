@@ -9,9 +9,8 @@
 #include <utility>
 
 #include "acquire/devices/devices.hpp"
+#include "acquire/intake/intake.hpp"
 #include "acquire/intake/scheduler.hpp"
-#include "acquire/intake/signal_check.hpp"
-#include "acquire/intake/window.hpp"
 #include "acquire/record/columns.hpp"
 #include "acquire/run/disk.hpp"
 #include "acquire/run/doubt_hook.hpp"
@@ -64,24 +63,20 @@ class Daemon final : private SampleSink {
   // State that exists once the run file has been created.
   struct ActiveRun {
     ActiveRun(const SlotGrid& grid, const Config& config, const RunOptions& options,
-              const SensorClocks& clocks, port::Loop& loop, std::unique_ptr<record::RunWriter> file)
+              port::Loop& loop, std::unique_ptr<record::RunWriter> file)
         : scheduler(grid, options.count, options.kept_closings),
-          windows(grid, config.histogram, clocks, config.configured(), config.required()),
-          signal(config.signal, config.window_s, config.nominal_hz(), config.map.far_m),
           journal(std::move(file), loop),
           status(grid.first, config.window_s, options.count, options.quiet, options.show_status) {}
     Scheduler scheduler;
-    Windows windows;
-    SignalCheck signal;
     Journal journal;
     Backlog due;
     StatusLine status;
   };
 
-  void on_tags(const TagBlock& block) override;
-  void on_histogram(HistogramFrame frame) override;
-  void on_radar(RadarFrame frame) override;
-  void on_depth(DepthFrame frame) override;
+  void on_tags(const TagBlock& block) override { intake_.slots.add(block); }
+  void on_histogram(HistogramFrame frame) override { intake_.slots.add(frame); }
+  void on_radar(RadarFrame frame) override { intake_.slots.add(frame); }
+  void on_depth(DepthFrame frame) override { intake_.slots.add(std::move(frame)); }
   void on_state(Sensor sensor, DeviceState state, const DeviceInfo& info) override;
   void on_event(Sensor sensor, Severity severity, const std::string& text) override;
 
@@ -108,10 +103,6 @@ class Daemon final : private SampleSink {
   }
   void arm();
   void tick();
-  bool is_early(Sensor sensor, std::uint64_t amount) {
-    if (!recording_) early_[sensor] += amount;
-    return !recording_;
-  }
   void close_due(HostTime now);
   void close_slot(const DueSlot& due, HostTime now);
   void end();
@@ -125,13 +116,13 @@ class Daemon final : private SampleSink {
   RunLog log_;
   std::optional<port::RawKeeper> raw_;
   Devices devices_;
+  Intake intake_{config_, config_.window_s, devices_.clocks()};
   DoubtHook on_doubt_{options_.on_doubt,
                       {config_.alert.lasting_s(config_.window_s), config_.alert.disk_free_gb},
                       [this](const std::string& text) { log(Severity::warning, "run", text); }};
   std::optional<ActiveRun> recording_;
   RunTotals totals_;
-  PerSensor<std::uint64_t> early_{};  // number of tags or frames received before the first slot
-  std::int64_t first_slot_ = 0;       // number of the slot that is record 0 of the current run
+  std::int64_t first_slot_ = 0;  // number of the slot that is record 0 of the current run
   std::int64_t files_ = 0;
   bool discards_ = false;  // true if the run was interrupted before slot 0
   bool ending_ = false;    // true once SIGINT or SIGTERM has arrived
@@ -212,7 +203,8 @@ void Daemon::begin() {
   const SlotGrid grid{options_.kept_slot.value_or(first_slot(loop_.now() + settle_time, length)),
                       length};
   if (raw_) raw_->note("run", grid.first, "slots", length.count());
-  recording_.emplace(grid, config_, options_, devices_.clocks(), loop_, std::move(file));
+  recording_.emplace(grid, config_, options_, loop_, std::move(file));
+  intake_.begin(grid.first);
   log_.attach(recording_->journal);
   describe_run();
   warn_of_full_disk();
@@ -223,7 +215,7 @@ void Daemon::begin() {
 // Writes the configuration, the devices and the axes to the new run file.
 void Daemon::describe_run() {
   recording_->journal.put_config(config_);
-  recording_->journal.put_axes(recording_->windows.axes());
+  recording_->journal.put_axes(intake_.slots.axes());
   for (const Sensor s : all_sensors)
     if (devices_[s].state == DeviceState::streaming)
       announce(s);
@@ -250,7 +242,7 @@ void Daemon::report_file() {
 
 void Daemon::warn_of_full_disk() {
   const PlannedRun plan{.folder = std::filesystem::path(options_.out).parent_path(),
-                        .record_bytes = record::record_bytes(recording_->windows.axes()),
+                        .record_bytes = record::record_bytes(intake_.slots.axes()),
                         .window_s = config_.window_s,
                         .count = options_.count};
   constexpr double day_s = 86'400;
@@ -263,26 +255,10 @@ void Daemon::warn_of_full_disk() {
 void Daemon::announce(Sensor sensor) {
   const DeviceInfo& info = devices_[sensor].info;
   recording_->journal.put_device(info);
-  if (!recording_->windows.announce(info))
+  if (!intake_.slots.announce(info))
     log(Severity::error, name_of(sensor),
         "reconnected with different axes; its samples are ignored");
-  recording_->journal.put_axes(recording_->windows.axes());
-}
-
-void Daemon::on_tags(const TagBlock& block) {
-  if (!is_early(Sensor::spd, block.tags.size())) recording_->windows.add(block);
-}
-
-void Daemon::on_histogram(HistogramFrame frame) {
-  if (!is_early(Sensor::spd, frame.pulses + frame.clicks())) recording_->windows.add(frame);
-}
-
-void Daemon::on_radar(RadarFrame frame) {
-  if (!is_early(Sensor::radar, 1)) recording_->windows.add(frame);
-}
-
-void Daemon::on_depth(DepthFrame frame) {
-  if (!is_early(Sensor::depth, 1)) recording_->windows.add(std::move(frame));
+  recording_->journal.put_axes(intake_.slots.axes());
 }
 
 void Daemon::on_state(Sensor sensor, DeviceState state, const DeviceInfo& info) {
@@ -292,6 +268,7 @@ void Daemon::on_state(Sensor sensor, DeviceState state, const DeviceInfo& info) 
   // The clock fit is kept when a device reconnects, because buffered samples still have times of
   // the old clock. ClockFit detects a restarted clock.
   if (recording_ && state == DeviceState::streaming) announce(sensor);
+  if (state == DeviceState::ended) intake_.end(sensor, loop_.now());
 }
 
 void Daemon::on_event(Sensor sensor, Severity severity, const std::string& text) {
@@ -354,8 +331,7 @@ void Daemon::interrupt(HostTime now) {
 
 void Daemon::close_slot(const DueSlot& due, HostTime now) {
   if (raw_) raw_->note("run", now, due.stalled ? "stalled" : "closed", due.index);
-  record::FusedRecord record = recording_->windows.close(due);
-  recording_->signal.assess(record, recording_->windows.axes());
+  record::FusedRecord record = intake_.close(due);
   record.index -= first_slot_;
   const std::int64_t index = record.index;
   record.statistics.closed_late_s = seconds(recording_->scheduler.lateness(due.index, now));
@@ -381,7 +357,7 @@ void Daemon::close_slot(const DueSlot& due, HostTime now) {
 // are included only in the counters of that run.
 void Daemon::put_late() {
   record::LateCounts late;
-  for (const auto& [slot, counts] : recording_->windows.take_late())
+  for (const auto& [slot, counts] : intake_.slots.take_late())
     if (slot >= first_slot_) late[slot - first_slot_] = counts;
   recording_->journal.put_late(std::move(late));
 }
@@ -390,8 +366,7 @@ void Daemon::put_late() {
 void Daemon::put_counters() {
   PerSensor<std::vector<Counter>> counters;
   for (const Sensor s : all_sensors) counters[s] = devices_.counters(s);
-  UnassignedSamples unassigned = recording_->windows.take_unassigned();
-  for (const Sensor s : all_sensors) unassigned.early[s] += std::exchange(early_[s], 0);
+  const UnassignedSamples unassigned = intake_.slots.take_unassigned();
   recording_->journal.put_counters(counters, unassigned);
   report_unassigned(log_, unassigned);
 }
@@ -409,7 +384,7 @@ void Daemon::end() {
     if (!std::filesystem::exists(options_.keep_raw))
       log(Severity::error, "raw", options_.keep_raw + " was moved or removed during the run");
   }
-  r.windows.finish();
+  intake_.slots.finish();
   put_late();
   put_counters();
   on_doubt_.finish(loop_.now());  // before the file is closed: its warnings become events
