@@ -148,13 +148,13 @@ std::string text_of(const Answer& answer) {
 }  // namespace
 
 std::vector<Answer> ask(const Config& config, port::Loop& loop, const std::string& command,
-                        SampleSink& sink, const std::function<void()>& listen) {
+                        SampleSink& sink, const std::function<void(const Devices&)>& listen) {
   Devices devices(loop, config, sink);
   devices.take_free(command);
   devices.start();
   devices.wait(config.connect_timeout_s);
   if (listen && !devices.all([](const auto& device) { return device.holder.has_value(); }))
-    listen();
+    listen(devices);
   std::vector<Answer> answers;
   for (const Sensor s : all_sensors) {
     if (!devices[s].configured) continue;

@@ -25,7 +25,7 @@ struct Answer {
 // file. `command` is the name written into the device locks. Unless all devices are in use,
 // `listen` is called while the devices send data to `sink`.
 std::vector<Answer> ask(const Config& config, port::Loop& loop, const std::string& command,
-                        SampleSink& sink, const std::function<void()>& listen = {});
+                        SampleSink& sink, const std::function<void(const Devices&)>& listen = {});
 
 // Implements `devices`: lists the attached devices, each with the lines to add to lab.toml, and
 // then the state of the configured devices, if any. Returns ExitCode::device if a configured device

@@ -7,9 +7,6 @@
 #include <utility>
 
 #include "acquire/devices/ask.hpp"
-#include "acquire/intake/clock_fit.hpp"
-#include "acquire/intake/signal_check.hpp"
-#include "acquire/intake/window.hpp"
 #include "acquire/run/disk.hpp"
 #include "drivers/util/console.hpp"
 #include "drivers/util/printable.hpp"
@@ -67,69 +64,8 @@ class DoctorReport {
   nlohmann::ordered_json checks_ = nlohmann::ordered_json::array();
 };
 
-constexpr double capture_s = 2;
-
-// Forwards all samples to a capture. After begin(), also collects them in a single slot, as in a
-// run.
-class Trial final : public SampleSink {
- public:
-  Trial(Capture& capture, const Config& config) : capture_(capture), config_(config) {}
-  void begin(HostTime now) {
-    windows_.emplace(SlotGrid{now, from_seconds(capture_s)}, config_.histogram, clocks_,
-                     config_.configured());
-    for (const Sensor s : all_sensors)
-      if (devices_[s]) windows_->announce(*devices_[s]);
-  }
-  // Closes the slot and returns its record, with the same verdicts as in a run.
-  record::FusedRecord checked_record() {
-    record::FusedRecord record = windows_->close({0, false});
-    SignalLimits limits = config_.signal;
-    limits.spd_clicks *= capture_s / config_.window_s;
-    SignalCheck(limits, capture_s, config_.nominal_hz(), config_.map.far_m)
-        .assess(record, windows_->axes());
-    return record;
-  }
-
-  void on_tags(const TagBlock& block) override {
-    capture_.on_tags(block);
-    put(block);
-  }
-  void on_histogram(HistogramFrame frame) override {
-    put(frame);
-    capture_.on_histogram(std::move(frame));
-  }
-  void on_radar(RadarFrame frame) override {
-    put(frame);
-    capture_.on_radar(std::move(frame));
-  }
-  void on_depth(DepthFrame frame) override {
-    put(frame);
-    capture_.on_depth(std::move(frame));
-  }
-  void on_state(Sensor sensor, DeviceState state, const DeviceInfo& info) override {
-    if (state != DeviceState::streaming) return;
-    devices_[sensor] = info;
-    if (windows_) windows_->announce(info);
-  }
-  void on_event(Sensor sensor, Severity severity, const std::string& text) override {
-    capture_.on_event(sensor, severity, text);
-  }
-
- private:
-  template <class Sample>
-  void put(const Sample& sample) {
-    clocks_.observe(sample);
-    if (windows_) windows_->add(sample);
-  }
-  Capture& capture_;
-  const Config& config_;
-  PerSensor<std::optional<DeviceInfo>> devices_;
-  SensorClocks clocks_;
-  std::optional<Windows> windows_;
-};
-
-std::vector<Finding> findings_of(const Answer& answer, const Capture& capture, const Config& config,
-                                 double time_s, const std::optional<record::FusedRecord>& record) {
+std::vector<Finding> findings_of(const Answer& answer, const Capture& capture,
+                                 const Config& config) {
   const char* check = name_of(answer.sensor);
   if (answer.status.holder)
     return {{check, answer.delivers ? Grade::warning : Grade::problem, answer.text,
@@ -147,37 +83,32 @@ std::vector<Finding> findings_of(const Answer& answer, const Capture& capture, c
                       : "check the power, the cable and the address of the device; see `devices`"}};
   }
   constexpr PerSensor<decltype(&spd_finding)> finders{spd_finding, radar_finding, depth_finding};
-  std::vector<Finding> out{finders[answer.sensor](capture, config, time_s)};
-  if (record && record->has(answer.sensor) && out[0].grade == Grade::ok)
-    if (const auto& sync = record->sync[answer.sensor]; sync.doubtful()) {
-      out[0].grade = Grade::warning;
-      out[0].advice = sync.text();
-    }
+  std::vector<Finding> out{finders[answer.sensor](capture, config)};
+  const record::SensorSync& sync = capture.record.sync[answer.sensor];
+  if (out[0].grade == Grade::ok && sync.doubtful()) {
+    out[0].grade = Grade::warning;
+    out[0].advice = sync.text();
+  }
   for (const auto& complaint : capture.complaints[answer.sensor])
     out.push_back({check, Grade::warning, complaint});
   return out;
 }
 
-// Checks 2 s of data from each device that delivers data. Returns the estimated size of a record in
-// bytes.
+// Checks one slot of data from each device that delivers data. Returns the estimated size of a
+// record in bytes.
 double check_devices(const Config& config, port::Loop& loop, DoctorReport& report) {
-  Capture capture(config.histogram);
-  Trial trial(capture, config);
-  std::optional<record::FusedRecord> record;
-  double time_s = 0;
-  const auto answers = ask(config, loop, "doctor", trial, [&] {
-    capture.begin();
+  Capture capture(config);
+  const auto answers = ask(config, loop, "doctor", capture, [&](const Devices& devices) {
     const HostTime begin = loop.now();
-    trial.begin(begin);
-    loop.run_until(interrupted, begin + from_seconds(capture_s));
-    time_s = seconds(loop.now() - begin);
+    capture.begin(begin, devices.clocks());
+    for (const Sensor s : all_sensors)
+      if (devices[s].state == DeviceState::streaming) capture.announce(devices[s].info);
+    loop.run_until(interrupted, begin + from_seconds(Capture::slot_s) + grace);
     capture.end();
-    record = trial.checked_record();
   });
   if (interrupted())
     throw Error(ExitCode::interrupted, "interrupted before the checks were complete");
-  for (const Answer& answer : answers)
-    report.add(findings_of(answer, capture, config, time_s, record));
+  for (const Answer& answer : answers) report.add(findings_of(answer, capture, config));
   return estimate_record_bytes(capture, config);
 }
 

@@ -5,14 +5,15 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "acquire/config/config.hpp"
+#include "acquire/intake/intake.hpp"
 #include "acquire/run/disk.hpp"
 #include "drivers/core/driver.hpp"
 #include "drivers/inventory/inventory.hpp"
 #include "drivers/port/loop.hpp"
-#include "drivers/tdc/histogram.hpp"
 
 namespace echofuse::acquire {
 
@@ -51,44 +52,48 @@ struct KernelClock {
 KernelClock read_clock();
 Finding check_clock(const KernelClock& clock);
 
-// ---- Checks of the configured devices, based on two seconds of their data
+// ---- Checks of the configured devices, based on one slot of their data
 
-// Collects the samples between begin() and end(), and all warnings and errors since its
+// Collects the samples of one slot, as a run does, and all warnings and errors since its
 // construction.
 class Capture final : public SampleSink {
  public:
-  explicit Capture(const tdc::HistogramSettings& settings) : histogram_(settings) {}
-  void begin() { running_ = true; }
-  void end();
+  static constexpr double slot_s = 2;
+  explicit Capture(const Config& config) : config_(config) {}
+  // Begins the slot. `clocks` must outlive this object.
+  void begin(HostTime now, const SensorClocks& clocks) {
+    intake_.emplace(config_, slot_s, clocks).begin(now);
+  }
+  void announce(const DeviceInfo& info);
+  void end();  // closes the slot
 
   void on_tags(const TagBlock& block) override;
-  void on_histogram(HistogramFrame frame) override;
-  void on_radar(RadarFrame frame) override;
-  void on_depth(DepthFrame frame) override;
+  void on_histogram(HistogramFrame frame) override { add(frame); }
+  void on_radar(RadarFrame frame) override { add(frame); }
+  void on_depth(DepthFrame frame) override { add(std::move(frame)); }
+  void on_state(Sensor sensor, DeviceState state, const DeviceInfo& info) override;
   void on_event(Sensor sensor, Severity severity, const std::string& text) override;
 
-  TagCounts tags;
-  std::uint64_t lost_blocks = 0, lost_tags = 0;
-  std::uint64_t histograms = 0;            // number of histograms; 0 if the detector sends tags
-  std::vector<std::uint64_t> zone_clicks;  // total number of clicks in each detector zone
-  std::size_t histogram_counts = 0;        // total number of bins of all zones in one histogram
+  record::FusedRecord record;  // record of the slot, with the same verdicts as in a run
+  bool sends_histograms = false;
+  std::size_t zones = 1;                           // number of detector zones
+  std::uint32_t width = 0, height = 0;             // size of the camera's frames
   std::map<std::int32_t, std::uint64_t> channels;  // number of time tags per channel
-  std::uint64_t radar_frames = 0, radar_lost = 0, profiles = 0, arrays = 0;
-  std::vector<float> profile;  // last range profile, linear power
-  std::uint64_t depth_frames = 0, depth_lost = 0, pixels = 0, valid_pixels = 0;
-  std::optional<DepthFrame> depth;                 // last depth frame
   PerSensor<std::vector<std::string>> complaints;  // distinct warnings and errors of each sensor
 
  private:
-  tdc::Histogram histogram_;
-  TagCounts summed_;  // total numbers of pulses and clicks in all received histograms
-  bool running_ = false;
+  template <class Sample>
+  void add(Sample&& sample) {
+    if (intake_) intake_->slots.add(std::forward<Sample>(sample));
+  }
+  const Config& config_;
+  std::optional<Intake> intake_;
 };
 
-// Each function checks the captured data of one sensor. `time_s` is the duration of the capture.
-Finding spd_finding(const Capture& capture, const Config& config, double time_s);
-Finding radar_finding(const Capture& capture, const Config& config, double time_s);
-Finding depth_finding(const Capture& capture, const Config& config, double time_s);
+// Each function checks the captured data of one sensor.
+Finding spd_finding(const Capture& capture, const Config& config);
+Finding radar_finding(const Capture& capture, const Config& config);
+Finding depth_finding(const Capture& capture, const Config& config);
 
 // Estimates the size of a record in bytes from the received samples. For a device that sent no
 // samples, the configured size is used.

@@ -2,10 +2,9 @@
 #include <algorithm>
 #include <cinttypes>
 #include <cmath>
-#include <utility>
+#include <numeric>
 
 #include "acquire/doctor/doctor.hpp"
-#include "acquire/intake/signal_check.hpp"
 #include "acquire/record/deflate.hpp"
 #include "drivers/util/format.hpp"
 
@@ -14,7 +13,7 @@ namespace {
 
 constexpr double slow = 0.9;  // lowest accepted fraction of the nominal rate
 
-double rate(std::uint64_t count, double time_s) { return static_cast<double>(count) / time_s; }
+double rate(std::uint64_t count) { return static_cast<double>(count) / Capture::slot_s; }
 
 std::string hertz(double value) {
   constexpr const char* units[] = {"Hz", "kHz", "MHz"};
@@ -35,8 +34,8 @@ void mark(Finding& finding, Grade grade, const std::string& advice) {
 
 // Checks a frame rate. The tolerance is one frame, because the capture may begin and end in the
 // middle of a frame.
-void check_rate(Finding& finding, std::uint64_t frames, double nominal_hz, double time_s) {
-  const double expected = nominal_hz * time_s, got = static_cast<double>(frames);
+void check_rate(Finding& finding, std::uint64_t frames, double nominal_hz) {
+  const double expected = nominal_hz * Capture::slot_s, got = static_cast<double>(frames);
   if (got + 1 < slow * expected)
     mark(finding, Grade::problem,
          "frame rate is lower than configured; check the cable and the port");
@@ -45,75 +44,53 @@ void check_rate(Finding& finding, std::uint64_t frames, double nominal_hz, doubl
          "frame rate is higher than configured; check whether the device refused the setting");
 }
 
-std::string channel_list(const Capture& capture, double time_s) {
+std::string channel_list(const Capture& capture) {
   std::string text;
   for (const auto& [channel, count] : capture.channels)
-    text +=
-        format("%s%d (%s)", text.empty() ? "" : ", ", channel, hertz(rate(count, time_s)).c_str());
+    text += format("%s%d (%s)", text.empty() ? "" : ", ", channel, hertz(rate(count)).c_str());
   return text.empty() ? "no channel has tags" : "channels with tags: " + text;
 }
 
 // Adds the click rate of each detector zone to the finding, and a warning for each zone without
 // clicks.
-void add_zones(Finding& finding, const std::vector<std::uint64_t>& clicks, double time_s) {
-  if (clicks.size() < 2) return;
+void add_zones(Finding& finding, const Capture& capture) {
+  const std::vector<std::uint32_t>& counts = capture.record.spd;
+  if (capture.zones < 2 || counts.empty()) return;
   finding.found += "; zones";
-  for (std::size_t z = 0; z < clicks.size(); ++z) {
-    finding.found += " " + hertz(rate(clicks[z], time_s));
-    finding.facts.push_back(
-        {"zone_" + std::to_string(z) + "_clicks_per_s", rate(clicks[z], time_s)});
-    if (clicks[z] == 0)
-      mark(finding, Grade::warning, "zone " + std::to_string(z) + " has no counts");
+  const auto bins = static_cast<std::ptrdiff_t>(counts.size() / capture.zones);
+  for (std::size_t z = 0; z < capture.zones; ++z) {
+    const auto from = counts.begin() + static_cast<std::ptrdiff_t>(z) * bins;
+    const auto clicks = std::accumulate(from, from + bins, std::uint64_t{0});
+    finding.found += " " + hertz(rate(clicks));
+    finding.facts.push_back({"zone_" + std::to_string(z) + "_clicks_per_s", rate(clicks)});
+    if (clicks == 0) mark(finding, Grade::warning, "zone " + std::to_string(z) + " has no counts");
   }
 }
 
 }  // namespace
 
-void Capture::end() {
-  histogram_.flush();
-  tags = histogram_.tag_counts();
-  tags += summed_;
-  running_ = false;
+void Capture::announce(const DeviceInfo& info) {
+  if (!intake_) return;
+  intake_->slots.announce(info);
+  if (info.sensor == Sensor::spd) sends_histograms = !info.axes.empty();
+  for (const Axis& axis : info.axes) {
+    if (axis.name == "spd") zones = axis.zones.size();
+    if (axis.name == "depth_x" || axis.name == "depth_y")
+      (axis.name == "depth_x" ? width : height) = axis.count;
+  }
 }
 
+void Capture::end() { record = intake_->close({}); }
+
 void Capture::on_tags(const TagBlock& block) {
-  if (!running_) return;
-  if (block.lost_blocks) histogram_.forget_start();
-  histogram_.add(block.tags);
-  lost_blocks += block.lost_blocks;
-  lost_tags += block.lost_items;
+  add(block);
+  if (!intake_) return;
   for (const Tag& tag : block.tags)
     if (tag.type == TagType::time_tag) ++channels[tag.channel];
 }
 
-void Capture::on_histogram(HistogramFrame frame) {
-  if (!running_) return;
-  ++histograms;
-  lost_blocks += frame.lost_before;
-  histogram_counts = frame.counts.size();
-  zone_clicks.resize(frame.zones);
-  for (std::size_t i = 0; i < histogram_counts; ++i)
-    zone_clicks[i * frame.zones / histogram_counts] += frame.counts[i];
-  summed_ += {.starts = frame.pulses, .in_range = frame.clicks()};
-}
-
-void Capture::on_radar(RadarFrame frame) {
-  if (!running_) return;
-  ++radar_frames;
-  radar_lost += frame.lost_before;
-  arrays += !frame.array.empty();
-  if (frame.power.empty()) return;
-  ++profiles;
-  profile = std::move(frame.power);
-}
-
-void Capture::on_depth(DepthFrame frame) {
-  if (!running_) return;
-  ++depth_frames;
-  depth_lost += frame.lost_before;
-  pixels += frame.depth_mm.size();
-  for (const std::uint16_t z : frame.depth_mm) valid_pixels += z != 0 ? 1u : 0u;
-  depth = std::move(frame);
+void Capture::on_state(Sensor, DeviceState state, const DeviceInfo& info) {
+  if (state == DeviceState::streaming) announce(info);
 }
 
 void Capture::on_event(Sensor sensor, Severity severity, const std::string& text) {
@@ -122,93 +99,88 @@ void Capture::on_event(Sensor sensor, Severity severity, const std::string& text
     list.push_back(text);
 }
 
-Finding spd_finding(const Capture& capture, const Config& config, double time_s) {
-  const TagCounts& n = capture.tags;
+Finding spd_finding(const Capture& capture, const Config& config) {
+  const TagCounts& n = capture.record.spd_counts;
   const std::uint64_t clicks = n.in_range + n.out_of_range + n.without_start;
-  const std::uint64_t lost = capture.lost_tags + n.missed;
-  Finding out{
-      .check = "spd",
-      .found = format("starts %s, clicks %s, %.0f %% of the clicks in the histogram, "
-                      "%" PRIu64 " tags and %" PRIu64 " blocks lost",
-                      hertz(rate(n.starts, time_s)).c_str(), hertz(rate(clicks, time_s)).c_str(),
-                      100 * share(n.in_range, clicks), lost, capture.lost_blocks),
-      .facts = {{"starts_per_s", rate(n.starts, time_s)},
-                {"clicks_per_s", rate(clicks, time_s)},
-                {"share_in_range", share(n.in_range, clicks)},
-                {"lost_tags", static_cast<double>(lost)},
-                {"lost_blocks", static_cast<double>(capture.lost_blocks)}}};
-  add_zones(out, capture.zone_clicks, time_s);
-  if (n.starts == 0 && capture.histograms == 0)
+  const std::uint64_t lost = capture.record.sync[Sensor::spd].lost;
+  Finding out{.check = "spd",
+              .found = format("starts %s, clicks %s, %.0f %% of the clicks in the histogram, "
+                              "%" PRIu64 " %s and %" PRIu64 " blocks lost",
+                              hertz(rate(n.starts)).c_str(), hertz(rate(clicks)).c_str(),
+                              100 * share(n.in_range, clicks), lost,
+                              capture.sends_histograms ? "histograms" : "tags", n.lost_blocks),
+              .facts = {{"starts_per_s", rate(n.starts)},
+                        {"clicks_per_s", rate(clicks)},
+                        {"share_in_range", share(n.in_range, clicks)},
+                        {"lost_tags", static_cast<double>(lost)},
+                        {"lost_blocks", static_cast<double>(n.lost_blocks)}}};
+  add_zones(out, capture);
+  if (n.starts == 0 && !capture.sends_histograms)
     mark(out, Grade::problem,
          "no starts on tdc.start_channel = " + std::to_string(config.histogram.start_channel) +
-             "; check the laser; " + channel_list(capture, time_s));
-  if (clicks == 0 && capture.histograms > 0)
+             "; check the laser; " + channel_list(capture));
+  if (clicks == 0 && capture.sends_histograms)
     mark(out, Grade::problem, "no counts, not even dark counts; check the detector");
   else if (clicks == 0)
     mark(out, Grade::problem,
          "no clicks on tdc.click_channel = " + std::to_string(config.histogram.click_channel) +
-             ", not even dark counts; check the detector; " + channel_list(capture, time_s));
+             ", not even dark counts; check the detector; " + channel_list(capture));
   if (const std::string question = swap_question(n); !question.empty())
     mark(out, Grade::warning,
          "clicks are outside the histogram, or there are several clicks per start" + question +
              " If not, set tdc.click_delay_ps (cables, fibres), tdc.first_bin_ps and tdc.bins");
-  if (lost + capture.lost_blocks + n.overflows > 0)
+  if (lost + n.lost_blocks + n.overflows > 0)
     mark(out, Grade::warning, "the tagger or its connection is too slow for these rates");
   if (n.errors + n.bad_tags + n.backwards > 0)
     mark(out, Grade::warning, "the tagger reports errors or sends invalid tags");
   return out;
 }
 
-Finding radar_finding(const Capture& capture, const Config& config, double time_s) {
-  if (!config.radar.address.empty())
-    return {.check = "radar",
-            .found = format("%.4g range profiles/s with %zu bins, %" PRIu64 " lost",
-                            rate(capture.radar_frames, time_s), capture.profile.size(),
-                            capture.radar_lost),
-            .facts = {{"frames_per_s", rate(capture.radar_frames, time_s)},
-                      {"lost_frames", static_cast<double>(capture.radar_lost)},
-                      {"bins", static_cast<double>(capture.profile.size())}}};
+Finding radar_finding(const Capture& capture, const Config& config) {
+  const record::FusedRecord& record = capture.record;
+  const record::SensorSync& sync = record.sync[Sensor::radar];
+  const double fps = rate(sync.arrived);
+  Finding out{.check = "radar",
+              .found = {},
+              .facts = {{"frames_per_s", fps},
+                        {"lost_frames", static_cast<double>(sync.lost)},
+                        {"bins", static_cast<double>(record.radar.size())}}};
+  if (!config.radar.address.empty()) {
+    out.found = format("%.4g range profiles/s with %zu bins, %" PRIu64 " lost", fps,
+                       record.radar.size(), sync.lost);
+    return out;
+  }
   const radar::RadarProfile cfg = parse_profile(config.radar);
   const double nominal_hz = 1 / cfg.frame_period_s;
-  const double fps = rate(capture.radar_frames, time_s);
-  Finding out{.check = "radar",
-              .found = format("%.4g frames/s, expected %.4g, %" PRIu64 " lost", fps, nominal_hz,
-                              capture.radar_lost),
-              .facts = {{"frames_per_s", fps},
-                        {"nominal_frames_per_s", nominal_hz},
-                        {"lost_frames", static_cast<double>(capture.radar_lost)},
-                        {"bins", static_cast<double>(capture.profile.size())}}};
-  check_rate(out, capture.radar_frames, nominal_hz, time_s);
-  if (capture.radar_lost > 0)
+  out.found = format("%.4g frames/s, expected %.4g, %" PRIu64 " lost", fps, nominal_hz, sync.lost);
+  out.facts.insert(out.facts.begin() + 1, {"nominal_frames_per_s", nominal_hz});
+  check_rate(out, sync.arrived, nominal_hz);
+  if (sync.lost > 0)
     mark(out, Grade::warning, "check the cable, and that radar.data_baud matches the .cfg");
-  if (capture.profiles == 0) {
+  if (!record.has(Sensor::radar)) {
     mark(out, Grade::problem,
-         "no frame has a range profile; set the third number of guiMonitor in radar.cfg to 1");
+         format("no frame has a range profile of the %" PRIu32
+                " bins that radar.cfg defines; the radar may be running a different .cfg, or the "
+                "third number of guiMonitor is 0",
+                cfg.bins));
     return out;
   }
-  if (capture.profile.size() != cfg.bins) {
-    mark(out, Grade::problem,
-         format("the profiles have %zu bins, but radar.cfg defines %" PRIu32
-                "; the radar may be running a different .cfg",
-                capture.profile.size(), cfg.bins));
-    return out;
-  }
-  auto sorted = capture.profile;
+  auto sorted = record.radar;
   std::sort(sorted.begin(), sorted.end());
-  const auto peak = std::max_element(capture.profile.begin(), capture.profile.end());
+  const auto peak = std::max_element(record.radar.begin(), record.radar.end());
   const double over_median_db =
       10 * std::log10(double{sorted.back()} / double{sorted[sorted.size() / 2]});
-  const double peak_m = static_cast<double>(peak - capture.profile.begin()) * cfg.range_step_m;
+  const double peak_m = static_cast<double>(peak - record.radar.begin()) * cfg.range_step_m;
   out.found += format("; %" PRIu32 " bins, peak at %.2f m, %.0f dB over the median", cfg.bins,
                       peak_m, over_median_db);
   out.facts.emplace_back("peak_m", peak_m);
   out.facts.emplace_back("peak_over_median_db", over_median_db);
   if (!cfg.array.empty()) {
     out.found += format(", heat map of %zu antennas in %" PRIu64 " frames", cfg.array.size(),
-                        capture.arrays);
+                        record.array_frames);
     out.facts.emplace_back("antennas", static_cast<double>(cfg.array.size()));
-    out.facts.emplace_back("heat_maps", static_cast<double>(capture.arrays));
-    if (capture.arrays == 0)
+    out.facts.emplace_back("heat_maps", static_cast<double>(record.array_frames));
+    if (record.array_frames == 0)
       mark(out, Grade::problem,
            "no frame contains the heat map that the .cfg defines; check radar.board");
   }
@@ -217,27 +189,27 @@ Finding radar_finding(const Capture& capture, const Config& config, double time_
   return out;
 }
 
-Finding depth_finding(const Capture& capture, const Config& config, double time_s) {
-  const double fps = rate(capture.depth_frames, time_s);
-  const double valid = share(capture.valid_pixels, capture.pixels);
+Finding depth_finding(const Capture& capture, const Config& config) {
+  const record::SensorSync& sync = capture.record.sync[Sensor::depth];
+  const double fps = rate(sync.arrived), valid = capture.record.signal.depth_share.value_or(0);
   Finding out{.check = "depth",
               .found = format("%.4g frames/s", fps),
               .facts = {{"frames_per_s", fps},
                         {"nominal_frames_per_s", static_cast<double>(config.depth.fps)},
-                        {"lost_frames", static_cast<double>(capture.depth_lost)},
+                        {"lost_frames", static_cast<double>(sync.lost)},
                         {"valid_share", valid}}};
   if (config.depth.fps > 0) {
     out.found += format(", expected %" PRIu32, config.depth.fps);
-    check_rate(out, capture.depth_frames, config.depth.fps, time_s);
+    check_rate(out, sync.arrived, config.depth.fps);
   }
-  out.found += format(", %" PRIu64 " lost", capture.depth_lost);
-  if (!capture.depth) {
-    mark(out, Grade::problem, "no frame received");
+  out.found += format(", %" PRIu64 " lost", sync.lost);
+  if (!capture.record.has(Sensor::depth)) {
+    mark(out, Grade::problem, "no frame of the expected size received");
     return out;
   }
-  out.found += format("; %" PRIu32 " x %" PRIu32 " pixels, %.0f %% of them valid",
-                      capture.depth->width, capture.depth->height, 100 * valid);
-  if (capture.depth_lost > 0)
+  out.found += format("; %" PRIu32 " x %" PRIu32 " pixels, %.0f %% of them valid", capture.width,
+                      capture.height, 100 * valid);
+  if (sync.lost > 0)
     mark(out, Grade::warning, "the USB port or this machine is too slow for the camera");
   if (valid < config.signal.depth_share)
     mark(out, Grade::warning, "almost no pixels are valid; check whether the camera is covered");
@@ -249,10 +221,10 @@ double estimate_record_bytes(const Capture& capture, const Config& config) {
   const SensorSet sensors = config.configured();
   double bytes = 0;
   if (sensors.contains(Sensor::spd))
-    bytes += 4.0 * (capture.histograms > 0 ? static_cast<double>(capture.histogram_counts)
-                                           : static_cast<double>(config.histogram.bins));
+    bytes += 4.0 * static_cast<double>(capture.record.spd.empty() ? config.histogram.bins
+                                                                  : capture.record.spd.size());
   if (sensors.contains(Sensor::radar) && !config.radar.address.empty()) {
-    bytes += 4.0 * static_cast<double>(capture.profile.size());
+    bytes += 4.0 * static_cast<double>(capture.record.radar.size());
   } else if (sensors.contains(Sensor::radar)) {
     const radar::RadarProfile cfg = parse_profile(config.radar);
     bytes += 4.0 * cfg.bins;
@@ -260,9 +232,9 @@ double estimate_record_bytes(const Capture& capture, const Config& config) {
       bytes += record::array_bytes(record::array_axis(radar_axis(cfg), cfg.array.size()));
   }
   if (!sensors.contains(Sensor::depth)) return bytes;
-  if (const auto& d = capture.depth)
+  if (const auto& depth_mm = capture.record.depth_mm; !depth_mm.empty())
     return bytes +
-           static_cast<double>(record::deflated(as_bytes(d->depth_mm), record::depth_level).size());
+           static_cast<double>(record::deflated(as_bytes(depth_mm), record::depth_level).size());
   return bytes + 2.0 * (config.depth.width ? config.depth.width : usual_width) *
                      (config.depth.height ? config.depth.height : usual_height);
 }

@@ -60,7 +60,7 @@ class Windows {
           SensorSet configured, SensorSet required = {});
 
   // Begins slot 0 at the time `first`, which replaces the start of the grid.
-  void begin(HostTime first) { grid_.first = first; }
+  void begin(HostTime first) { grid_.first = first, blocks_ = block_tags_ = 0; }
   // Sets the axes of a device. The axes that are announced first apply to the whole run. Returns
   // false if a device has other axes. Its samples are then ignored until a device with the first
   // axes is announced.

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
 // Tests the ratings of devices and disks by doctor, with artificial samples and figures.
 #include "../fixtures/paths.hpp"
-#include "acquire/doctor/doctor.hpp"
 #include "acquire/record/columns.hpp"
 #include "acquire/run/disk.hpp"
+#include "captured.hpp"
 #include "testing.hpp"
 
 using namespace echofuse;
@@ -12,7 +12,7 @@ using namespace echofuse::test;
 
 namespace {
 
-constexpr double time_s = 2;
+constexpr double time_s = Capture::slot_s;
 
 Config lab() {
   return load_config(echofuse::test::source_dir + "/config/lab.toml",
@@ -29,14 +29,21 @@ std::vector<Tag> pairs(std::int32_t start, std::int32_t click, std::int64_t dela
   return tags;
 }
 
+// The tags arrive in two blocks, because they must span half of the slot.
 Finding spd_verdict(const std::vector<Tag>& tags, std::uint64_t lost_tags = 0) {
   const Config config = lab();
-  Capture capture(config.histogram);
-  capture.on_tags({.tags = tags});  // tags received before the capture begins are not counted
-  capture.begin();
-  if (!tags.empty()) capture.on_tags({.tags = tags, .lost_items = lost_tags});
-  capture.end();
-  return spd_finding(capture, config, time_s);
+  const auto half = static_cast<std::ptrdiff_t>(tags.size() / 2);
+  const std::vector<Tag> first(tags.begin(), tags.begin() + half),
+      rest(tags.begin() + half, tags.end());
+  return spd_finding(
+      captured(config, device_of(Sensor::spd, {}),
+               [&](Capture& capture) {
+                 if (tags.empty()) return;
+                 capture.on_tags({.received = doctor_begin, .tags = first});
+                 capture.on_tags(
+                     {.received = doctor_middle, .tags = rest, .lost_items = lost_tags});
+               }),
+      config);
 }
 
 double fact(const Finding& finding, const std::string& name) {
@@ -52,13 +59,15 @@ RadarFrame radar_frame(std::size_t bins = 64) {
   return frame;
 }
 
-Finding radar_verdict(int frames, const RadarFrame& frame) {
+Finding radar_verdict(int frames, RadarFrame frame) {
   const Config config = lab();
-  Capture capture(config.histogram);
-  capture.begin();
-  for (int k = 0; k < frames; ++k) capture.on_radar(frame);
-  capture.end();
-  return radar_finding(capture, config, time_s);
+  frame.received = doctor_middle;
+  return radar_finding(
+      captured(config, device_of(Sensor::radar, {radar::radar_axis(parse_profile(config.radar))}),
+               [&](Capture& capture) {
+                 for (int k = 0; k < frames; ++k) ++frame.frame_number, capture.on_radar(frame);
+               }),
+      config);
 }
 
 DepthFrame depth_frame(std::uint16_t z) {
@@ -70,13 +79,18 @@ DepthFrame depth_frame(std::uint16_t z) {
   return frame;
 }
 
+Capture depth_capture(const Config& config, int frames, DepthFrame frame) {
+  const std::vector<Axis> axes{{"depth_x", "tangent", "1", frame.width},
+                               {"depth_y", "tangent", "1", frame.height}};
+  frame.received = doctor_middle;
+  return captured(config, device_of(Sensor::depth, axes), [&](Capture& capture) {
+    for (int k = 0; k < frames; ++k) ++frame.frame_number, capture.on_depth(frame);
+  });
+}
+
 Finding depth_verdict(int frames, const DepthFrame& frame) {
   const Config config = lab();
-  Capture capture(config.histogram);
-  capture.begin();
-  for (int k = 0; k < frames; ++k) capture.on_depth(frame);
-  capture.end();
-  return depth_finding(capture, config, time_s);
+  return depth_finding(depth_capture(config, frames, frame), config);
 }
 
 }  // namespace
@@ -133,7 +147,8 @@ TEST_CASE(
   after_loss.lost_before = 1;
   CHECK(radar_verdict(due, after_loss).grade == Grade::warning);
   CHECK(has(radar_verdict(due, radar_frame(0)).advice, "guiMonitor"));
-  CHECK(has(radar_verdict(due, radar_frame(32)).advice, "32 bins, but radar.cfg defines 64"));
+  CHECK(has(radar_verdict(due, radar_frame(32)).advice,
+            "profile of the 64 bins that radar.cfg defines"));
   RadarFrame flat = radar_frame();
   flat.power[7] = 20;
   CHECK(has(radar_verdict(due, flat).advice, "all bins are equal"));
@@ -155,12 +170,17 @@ TEST_CASE(
 
 TEST_CASE("doctor reports the count rate of each detector zone and marks zones without counts") {
   const Config config = lab();
-  Capture capture(config.histogram);
-  capture.begin();
-  capture.on_histogram({.exposure_us = 1000, .zones = 3, .counts = {1, 3, 0, 0, 2, 0}});
-  capture.end();
-  const Finding found = spd_finding(capture, config, 2);
-  CHECK(has(found.found, "; zones 2 Hz 0 Hz 1 Hz"));
+  DeviceInfo board = device_of(Sensor::spd, {{"spd", "counts", "ps", 2, 0, 100}});
+  board.axes[0].zones.resize(3);
+  const Capture capture = captured(config, board, [](Capture& c) {
+    for (const int tenths : {2, 18})
+      c.on_histogram({.received = doctor_begin + std::chrono::milliseconds(100 * tenths),
+                      .exposure_us = 1000,
+                      .zones = 3,
+                      .counts = {1, 3, 0, 0, 2, 0}});
+  });
+  const Finding found = spd_finding(capture, config);
+  CHECK(has(found.found, "; zones 4 Hz 0 Hz 2 Hz"));
   CHECK(found.grade == Grade::warning);
   CHECK(has(found.advice, "zone 1 has no counts"));
   CHECK(estimate_record_bytes(capture, config) == 4.0 * 6 + 4.0 * 64 + 2.0 * 640 * 480);
@@ -168,7 +188,7 @@ TEST_CASE("doctor reports the count rate of each detector zone and marks zones w
 
 TEST_CASE("the doctor command reports each device warning once and ignores information messages") {
   const Config config = lab();
-  Capture capture(config.histogram);
+  Capture capture(config);
   capture.on_event(Sensor::radar, Severity::warning, "swapped?");
   capture.on_event(Sensor::radar, Severity::warning, "swapped?");
   capture.on_event(Sensor::radar, Severity::info, "started");
@@ -178,12 +198,9 @@ TEST_CASE("the doctor command reports each device warning once and ignores infor
 
 TEST_CASE("the record size is estimated from received frames, or else from the configuration") {
   const Config config = lab();
-  Capture capture(config.histogram);
-  const double unseen = estimate_record_bytes(capture, config);
+  const double unseen = estimate_record_bytes(Capture(config), config);
   CHECK(unseen == 4.0 * 336 + 4.0 * 64 + 2.0 * 640 * 480);
-  capture.begin();
-  capture.on_depth(depth_frame(3000));
-  const double seen = estimate_record_bytes(capture, config);
+  const double seen = estimate_record_bytes(depth_capture(config, 1, depth_frame(3000)), config);
   CHECK(seen > 4.0 * 336 + 4.0 * 64);
   CHECK(seen < 4.0 * 336 + 4.0 * 64 + 2.0 * 200);
 }

@@ -4,10 +4,10 @@
 #include <cmath>
 
 #include "acquire/commands/commands.hpp"
-#include "acquire/doctor/doctor.hpp"
 #include "acquire/intake/window.hpp"
 #include "acquire/record/columns.hpp"
 #include "acquire/run/disk.hpp"
+#include "captured.hpp"
 #include "drivers/util/settings.hpp"
 #include "testing.hpp"
 
@@ -154,21 +154,27 @@ TEST_CASE("the doctor command counts radar heat maps and reports missing ones") 
   config.radar.cfg_name = "azimuth.cfg";
   config.radar.cfg_text =
       read_config_text(echofuse::test::source_dir + "/config/radar/xwr68xx_azimuth_50cm.cfg");
-  Capture capture(config.histogram);
-  capture.begin();
+  const radar::RadarProfile profile = parse_profile(config.radar);
+  const DeviceInfo device =
+      device_of(Sensor::radar, {radar::radar_axis(profile), radar::array_axis(profile)});
   RadarFrame frame = frame_of(1);
+  frame.received = doctor_middle;
   frame.power.resize(64, 900);
+  const auto rated = [&] {
+    return captured(config, device, [&](Capture& capture) {
+      for (int k = 0; k < 40; ++k) ++frame.frame_number, capture.on_radar(frame);
+    });
+  };
   SECTION("frames with heat maps are rated ok") {
-    for (int k = 0; k < 40; ++k) capture.on_radar(frame);
-    const Finding finding = radar_finding(capture, config, 2);
+    const Capture capture = rated();
+    const Finding finding = radar_finding(capture, config);
     CHECK(finding.grade == Grade::ok);
     CHECK(has(finding.found, "heat map of 8 antennas in 40 frames"));
     CHECK(estimate_record_bytes(capture, config) == 4 * 64 + kept_bins * (4 + 2 * 82));
   }
   SECTION("frames without heat maps are rated as a problem") {
     frame.array.clear();
-    for (int k = 0; k < 40; ++k) capture.on_radar(frame);
-    const Finding finding = radar_finding(capture, config, 2);
+    const Finding finding = radar_finding(rated(), config);
     CHECK(finding.grade == Grade::problem);
     CHECK(has(finding.advice, "radar.board"));
   }

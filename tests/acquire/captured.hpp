@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: MIT
+// Slot of the doctor command with artificial samples.
+#pragma once
+#include <utility>
+#include <vector>
+
+#include "acquire/doctor/doctor.hpp"
+
+namespace echofuse::test {
+
+inline DeviceInfo device_of(Sensor sensor, std::vector<Axis> axes) {
+  DeviceInfo info;
+  info.sensor = sensor;
+  info.axes = std::move(axes);
+  return info;
+}
+
+// Start and centre of the slot of captured().
+inline constexpr HostTime doctor_begin = std::chrono::seconds(10);
+inline constexpr HostTime doctor_middle = doctor_begin + std::chrono::seconds(1);
+
+// Returns a slot of doctor. `send` sends samples to the capture.
+template <class Send>
+acquire::Capture captured(const acquire::Config& config, const DeviceInfo& device,
+                          const Send& send) {
+  const acquire::SensorClocks clocks;
+  acquire::Capture capture(config);
+  send(capture);  // samples received before the slot begins are not counted
+  capture.begin(doctor_begin, clocks);
+  capture.announce(device);
+  send(capture);
+  capture.end();
+  return capture;
+}
+
+}  // namespace echofuse::test
