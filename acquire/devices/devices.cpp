@@ -27,18 +27,19 @@ const std::string& identity_of(const Device& device) {
 
 }  // namespace
 
-Devices::Devices(port::Loop& loop, const Config& config, SampleSink& next, port::RawKeeper* raw)
-    : loop_(loop), config_(config), next_(&next), stream_(config, *this) {
+Devices::Devices(port::Loop& loop, const Config& config, SampleSink& next, port::RawKeeper* raw,
+                 const MakeRecording& recording)
+    : loop_(loop), config_(config), next_(&next), stream_(config, *this, !recording) {
   for (const Sensor s : all_sensors) {
     status(s).configured = config.configured().contains(s);
     status(s).info.address = address_of(config, s);
     if (const auto* entry = config.calibration.find(s)) identities_[s] = identity_of(*entry);
+    if (!status(s).configured) continue;
+    drivers_[s] = recording            ? recording(s)
+                  : s == Sensor::spd   ? make_tdc(loop, config.tdc, raw)
+                  : s == Sensor::radar ? make_radar(loop, config.radar, raw)
+                                       : make_depth(loop, config.depth, raw);
   }
-  if (status(Sensor::spd).configured) drivers_[Sensor::spd] = make_tdc(loop, config.tdc, raw);
-  if (status(Sensor::radar).configured)
-    drivers_[Sensor::radar] = make_radar(loop, config.radar, raw);
-  if (status(Sensor::depth).configured)
-    drivers_[Sensor::depth] = make_depth(loop, config.depth, raw);
 }
 
 Devices::~Devices() { abandon(); }  // the sink may be destroyed

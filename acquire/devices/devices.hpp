@@ -35,8 +35,11 @@ class Devices final : private SampleSink {
   };
 
   // Throws Error(config) for an invalid address. `loop`, `config` and `next` must outlive this
-  // object. If `raw` is not null, it receives the raw bytes of all devices.
-  Devices(port::Loop& loop, const Config& config, SampleSink& next, port::RawKeeper* raw = nullptr);
+  // object. If `raw` is not null, it receives the raw bytes of all devices. If `recording` is not
+  // empty, it creates the devices, which play recordings.
+  using MakeRecording = std::function<std::unique_ptr<Driver>(Sensor)>;
+  Devices(port::Loop& loop, const Config& config, SampleSink& next, port::RawKeeper* raw = nullptr,
+          const MakeRecording& recording = {});
   ~Devices() override;
 
   // Takes the locks of all configured devices and writes the `command` of echofuse-acquire and the

@@ -9,18 +9,17 @@
 #include <cstring>
 #include <ctime>
 #include <filesystem>
-#include <functional>
 #include <memory>
 #include <utility>
 
 #include "acquire/import/imported_run.hpp"
 #include "acquire/import/picoquant.hpp"
 #include "acquire/import/radar_recording.hpp"
-#include "acquire/intake/clock_fit.hpp"
-#include "acquire/intake/tag_check.hpp"
-#include "acquire/intake/window.hpp"
+#include "acquire/record/run_file.hpp"
+#include "acquire/run/daemon.hpp"
 #include "acquire/run/new_run.hpp"
-#include "drivers/util/console.hpp"
+#include "drivers/port/virtual_loop.hpp"
+#include "drivers/util/new_file.hpp"
 #include "drivers/util/printable.hpp"
 #include "drivers/util/program.hpp"
 #include "drivers/util/regular_file.hpp"
@@ -30,49 +29,50 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Sorts the samples of recordings into slots.
-class Slots final : public SampleSink {
+// Plays a recording in virtual time, as a device that ends. Samples are delivered at the time of
+// the previous ones.
+class RecordedDevice final : public Driver {
  public:
-  Slots(const Config& config, const SlotGrid& grid)
-      : grid_(grid),
-        tag_check_(config.histogram, false,
-                   [this](const std::string& text) { tag_faults_.push_back(text); }),
-        windows_(grid, config.histogram, clocks_, config.configured()) {}
-  void on_tags(const TagBlock& block) override {
-    tag_check_.take(block, [this](const TagBlock& repaired) { take_tags(repaired); });
+  // `latest_s` is the latest plausible time of a sample. start() reports `doubt` as a warning if it
+  // is not empty.
+  RecordedDevice(port::Loop& loop, Recording& recording, double latest_s, std::string doubt)
+      : timer_(loop),
+        recording_(recording),
+        device_(recording.device()),
+        latest_s_(latest_s),
+        doubt_(std::move(doubt)) {}
+  void start(SampleSink& sink) override {
+    if (!doubt_.empty()) sink.on_event(device_.sensor, Severity::warning, doubt_);
+    sink.on_state(device_.sensor, DeviceState::streaming, device_);
+    read(sink);
   }
-  // Adds the frame unchanged, because RadarRecording has already derived its time from the board's
-  // clock.
-  void on_radar(RadarFrame frame) override { windows_.add(frame); }
-  Windows& windows() { return windows_; }
-  void flush() {
-    tag_check_.flush([this](const TagBlock& rest) { take_tags(rest); });
-  }
-  const std::vector<std::string>& finish() {
-    windows_.finish();
-    tag_check_.finish();
-    return tag_faults_;
-  }
-  // Closes the slots that have ended by `now`. If `last` is true, also closes the slot that
-  // contains `now`.
-  void close(HostTime now, bool last, const std::function<void(record::FusedRecord)>& take) {
-    for (; grid_.end(next_) <= now || (last && grid_.start(next_) <= now); ++next_) {
-      if (interrupted()) throw Error(ExitCode::interrupted, "interrupted; nothing was written");
-      take(windows_.close({next_, false}));
-    }
-  }
+  void stop() override { timer_.cancel(); }
+  std::vector<Counter> counters() const override { return recording_.counters(); }
 
  private:
-  void take_tags(const TagBlock& block) {
-    clocks_.observe(block);
-    windows_.add(block);
+  void read(SampleSink& sink) {
+    timer_.at(recording_.at(), [this, &sink] {
+      const bool more = recording_.next(sink);
+      if (seconds(recording_.at()) > latest_s_)
+        throw Error(ExitCode::failed,
+                    printable(device_.address) + ": its times reach " +
+                        std::to_string(std::llround(seconds(recording_.at()))) +
+                        " s, which gives more slots than the file has bytes; check whether a time "
+                        "is damaged, or use a longer slot (--set run.window_s)");
+      if (more) return read(sink);
+      timer_.at(recording_.at(), [this, &sink] { end(sink); });
+    });
   }
-  SlotGrid grid_;
-  std::vector<std::string> tag_faults_;
-  TagCheck tag_check_;
-  SensorClocks clocks_;
-  Windows windows_;
-  std::int64_t next_ = 0;
+  void end(SampleSink& sink) {
+    for (const std::string& text : recording_.doubts())
+      sink.on_event(device_.sensor, Severity::warning, text);
+    sink.on_state(device_.sensor, DeviceState::ended, device_);
+  }
+  port::Timer timer_;
+  Recording& recording_;
+  DeviceInfo device_;
+  double latest_s_;
+  std::string doubt_;
 };
 
 void take_cfg(Config& config, const std::string& recording, const std::string& cfg) {
@@ -96,97 +96,56 @@ void take_cfg(Config& config, const std::string& recording, const std::string& c
   if (antennas.size() != config.antennas.size()) config.antennas = antennas;
 }
 
-// Stores the counters and warnings of each recording, then finishes the run. Returns the result of
-// ImportedRun::finish().
-std::string conclude(ImportedRun& import, const std::vector<std::unique_ptr<Recording>>& recordings,
-                     const std::vector<std::string>& faults) {
-  for (const auto& text : faults) import.doubt("spd: " + text);
-  std::string nothing;  // errors of recordings without a valid record
-  std::size_t empty = 0;
-  for (const auto& r : recordings) {
-    const DeviceInfo device = r->device();
-    import.put_counters(device.sensor, r->counters());
-    std::string causes;
-    for (const auto& text : r->doubts()) {
-      if (std::ranges::find(faults, text) == faults.end())
-        import.doubt(std::string(name_of(device.sensor)) + ": " + text);
-      causes += (causes.empty() ? "" : "; ") + text;
-    }
-    const bool events = import.tags().in_range + import.tags().out_of_range > 0;
-    if (import.valid(device.sensor) > 0 && (device.sensor != Sensor::spd || events)) continue;
-    ++empty;
-    const std::string& cause = import.cause(device.sensor);
-    if (!nothing.empty()) nothing += '\n';
-    nothing += printable(device.address) + ": nothing to import: " +
-               printable(causes + (causes.empty() || cause.empty() ? "" : "; ") + cause);
+using Recordings = PerSensor<std::unique_ptr<Recording>>;
+
+// Returns one error for each recording that gives no valid record, one per line.
+std::string empty_recordings(const record::RunReader& run, const Recordings& recordings) {
+  const record::RunSummary made = run.summary();
+  const record::FusedRecord last = run.read(made.records - 1);
+  std::string out;
+  for (const auto& recording : recordings) {
+    if (!recording) continue;
+    const DeviceInfo device = recording->device();
+    if (made.valid[device.sensor] > 0 && recording->usable()) continue;
+    out += (out.empty() ? "" : "\n") + printable(device.address) + ": nothing to import: ";
+    for (const std::string& text : recording->doubts()) out += printable(text) + "; ";
+    out += last.sync[device.sensor].text();
   }
-  if (empty == recordings.size()) throw Error(ExitCode::failed, nothing);
-  if (recordings.size() > 1) import.doubt("the recordings are assumed to begin at the same time");
-  if (import.tags().out_of_range > 0 && import.tags().in_range == 0)
-    import.doubt("spd: no click is within the histogram (tdc.first_bin_ps, tdc.bins)");
-  const std::string made = import.finish();
-  if (empty > 0) throw Error(ExitCode::partial, made + "\n" + nothing);
-  return made;
+  return out;
 }
 
 // Imports recordings, which may differ in length. Records after the end of a recording contain no
 // data of its sensor.
 std::string import_streams(const Config& config, const ImportOptions& options,
-                           const RunStart& began,
-                           const std::vector<std::unique_ptr<Recording>>& recordings) {
-  std::string names;
-  for (const auto& file : options.files)
-    names.append(names.empty() ? "" : " ").append(fs::path(file).filename().string());
-  ImportedRun import(options.out, began,
-                     SignalCheck(config.signal, config.window_s, config.nominal_hz()),
-                     [&](const std::string& path, const Clock& clock) {
-                       return make_run(config, path, {{"imported_from", names}}, "", clock);
-                     });
-  for (const Sensor s : all_sensors)
-    if (config.configured().contains(s)) import.writer().put_policy(s, "optional");
-  Slots slots(config, {HostTime{}, from_seconds(config.window_s)});
+                           const RunStart& began, const Recordings& recordings) {
   // Latest plausible time of a sample: 1000 slots, plus one slot per byte of the files, because no
   // recorder writes less than a byte per slot.
-  double longest_s = 1000 * config.window_s;
-  for (const auto& file : options.files)
-    longest_s += static_cast<double>(fs::file_size(file)) * config.window_s;
-  for (const auto& r : recordings) {
-    import.writer().put_device(r->device());
-    slots.windows().announce(r->device());
+  double latest_s = 1000 * config.window_s;
+  std::string names, doubt = began.doubt;
+  for (const auto& file : options.files) {
+    names.append(names.empty() ? "" : " ").append(fs::path(file).filename().string());
+    latest_s += static_cast<double>(fs::file_size(file)) * config.window_s;
   }
-  import.put_axes(slots.windows().axes());
-  SignalCheck::RecordingEnds ends;
-  const auto take = [&](record::FusedRecord record) {
-    record.slot_utc = import.utc_of(record.slot_start);
-    record.label = config.label;
-    import.put(std::move(record), ends);
+  if (options.files.size() > 1)
+    doubt += (doubt.empty() ? "" : "; ") +
+             std::string("both recordings are assumed to begin at the same time");
+  refuse_bad_target(options.out);
+  NewFile file(options.out, NewFile::Staged{});
+  port::VirtualLoop loop(began.utc, HostTime{});
+  RunOptions run;
+  run.meta = {{"imported_from", names}};
+  run.kept_slot = loop.now();
+  run.recording = [&](Sensor s) {
+    return std::make_unique<RecordedDevice>(loop, *recordings[s], latest_s,
+                                            std::exchange(doubt, {}));
   };
-  std::vector<Recording*> running;
-  for (const auto& r : recordings) running.push_back(r.get());
-  while (!running.empty()) {
-    if (interrupted()) throw Error(ExitCode::interrupted, "interrupted");
-    const auto behind = std::min_element(running.begin(), running.end(),
-                                         [](auto* a, auto* b) { return a->at() < b->at(); });
-    const HostTime now = (*behind)->at();
-    const bool more = (*behind)->next(slots);
-    if (seconds((*behind)->at()) > longest_s)
-      throw Error(ExitCode::failed,
-                  printable((*behind)->device().address) + ": its times reach " +
-                      std::to_string(std::llround(seconds((*behind)->at()))) +
-                      " s, which gives more slots than the file has bytes; check whether a time is "
-                      "damaged, or use a longer slot (--set run.window_s)");
-    if (more) {
-      slots.close(now, false, take);
-    } else {
-      slots.flush();
-      ends[(*behind)->device().sensor] = (*behind)->at();
-      running.erase(behind);
-    }
-  }
-  HostTime end{};
-  for (const auto& r : recordings) end = std::max(end, r->at());
-  slots.close(end, true, take);
-  return conclude(import, recordings, slots.finish());
+  record_import(config, run, loop, file);
+  const std::string nothing = empty_recordings(record::RunReader(file.path()), recordings);
+  const bool all = std::ranges::count(nothing, '\n') + 1 == std::ssize(options.files);
+  if (!nothing.empty() && all) throw Error(ExitCode::failed, nothing);
+  const std::string made = publish_import(file);
+  if (!nothing.empty()) throw Error(ExitCode::partial, made + "\n" + nothing);
+  return made;
 }
 
 }  // namespace
@@ -264,8 +223,7 @@ std::string import_recordings(Config config, const ImportOptions& options) {
     return import_folder(std::move(config), options);
   config.tdc.address = config.radar.cli = config.radar.data = config.depth.address = "";
   config.radar.address = "";
-  config.policy = {"optional", "optional", "optional"};
-  std::vector<std::unique_ptr<Recording>> recordings;
+  Recordings recordings;
   RunStart began;
   if (!options.began.empty()) began.utc = parse_utc(options.began);
   const auto begins = [&](std::optional<UtcTime> utc, const std::string& doubt) {
@@ -284,7 +242,8 @@ std::string import_recordings(Config config, const ImportOptions& options) {
         throw Error(ExitCode::usage, "two radar recordings; expected one per sensor");
       config.radar.cli = config.radar.data = path;
       take_cfg(config, path, options.cfg);
-      recordings.push_back(std::make_unique<RadarRecording>(path, parse_profile(config.radar)));
+      recordings[Sensor::radar] =
+          std::make_unique<RadarRecording>(path, parse_profile(config.radar));
     } else if (kind == ".ptu") {
       if (!config.tdc.address.empty())
         throw Error(ExitCode::usage, "two time tagger recordings; expected one per sensor");
@@ -293,7 +252,7 @@ std::string import_recordings(Config config, const ImportOptions& options) {
       config.histogram.click_channel = options.click;
       auto tags = std::make_unique<PicoquantTags>(path, config.histogram);
       begins(tags->began(), tags->began_twice() ? local_time_twice : local_time);
-      recordings.push_back(std::move(tags));
+      recordings[Sensor::spd] = std::move(tags);
     } else {
       refuse_kind(path, kind);
     }

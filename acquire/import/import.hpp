@@ -57,10 +57,10 @@ bool is_kept(const std::string& folder);
 // Returns the configuration of the captured run after applying `assignments`.
 Config kept_config(const std::string& folder, const std::vector<std::string>& assignments);
 
-// Creates the run `out` with the slots of the captured run; returns one line about it. Replays the
-// capture: the bytes are delivered at their original arrival times, and the loop's clock jumps from
-// one event to the next. Throws Error(failed) if files of the folder are missing or damaged. Also
-// throws the errors of record_run().
+// Creates the run `out` with the slots of the captured run; returns one line about its contents.
+// Replays the capture: the bytes are delivered at their original arrival times, and the loop's
+// clock jumps from one event to the next. Throws Error(failed) if files of the folder are missing
+// or damaged. Also throws the errors of record_run().
 std::string import_kept(Config config, const std::string& folder, const std::string& out);
 
 }  // namespace echofuse::acquire

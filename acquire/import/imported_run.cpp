@@ -9,6 +9,7 @@
 #include "acquire/record/columns.hpp"
 #include "acquire/record/written_run.hpp"
 #include "acquire/run/new_run.hpp"
+#include "drivers/util/console.hpp"
 #include "drivers/util/exit_code.hpp"
 #include "drivers/util/printable.hpp"
 
@@ -19,6 +20,42 @@ UtcTime modified(const std::string& path) {
   if (::stat(path.c_str(), &found) != 0) return {};
   return std::chrono::seconds(found.st_mtim.tv_sec) +
          std::chrono::nanoseconds(found.st_mtim.tv_nsec);
+}
+
+void record_import(Config config, RunOptions options, port::Loop& loop, const NewFile& file) {
+  config.policy = {"optional", "optional", "optional"};
+  options.out = file.path();
+  options.quiet = true;
+  record_run(config, options, loop);
+  if (interrupted())
+    throw Error(ExitCode::interrupted,
+                printable(file.place()) + ": interrupted; nothing was written");
+}
+
+std::string publish_import(NewFile& file) {
+  const std::string place = printable(file.place());
+  record::check_written_run(file.path(), place);
+  std::string text, causes;
+  bool any = false;
+  {
+    const record::RunReader run(file.path());
+    const record::RunSummary made = run.summary();
+    const record::FusedRecord last = run.read(made.last_index);
+    text = std::to_string(made.records) + " records";
+    for (const Sensor s : all_sensors) {
+      const std::string cause = last.sync[s].cause();
+      any = any || made.valid[s] > 0;
+      if (made.valid[s] > 0)
+        text.append(", ").append(name_of(s)).append(" in ").append(std::to_string(made.valid[s]));
+      else if (!cause.empty())
+        causes.append("; ").append(name_of(s)).append(": ").append(cause);
+    }
+  }
+  if (!any)
+    throw Error(ExitCode::failed, place + ": nothing to import: " + printable(text + causes) +
+                                      "; no record contains valid data");
+  file.publish();
+  return place + ": " + text;
 }
 
 ImportedRun::ImportedRun(const std::string& out, const RunStart& began, const SignalCheck& check,
@@ -36,15 +73,10 @@ void ImportedRun::put_axes(const std::vector<Axis>& axes) {
   for (const Axis& axis : axes_) run_->put_axis(axis);
 }
 
-void ImportedRun::put(record::FusedRecord record, const SignalCheck::RecordingEnds& ends) {
-  check_.assess(record, axes_, ends);
+void ImportedRun::put(record::FusedRecord record) {
+  check_.assess(record, axes_);
   clock_.at = std::max(clock_.at, record.slot_end);
   clock_.utc_at = std::max(clock_.utc_at, record.slot_utc + (record.slot_end - record.slot_start));
-  for (const Sensor s : all_sensors) {
-    valid_[s] += record.has(s);
-    if (!record.has(s)) causes_[s] = record.sync[s].cause();
-  }
-  tags_ += record.spd_counts;
   record::for_each_column([&](const auto& column, std::size_t) {
     batch_bytes_ += as_bytes(record.*column.values).size();
   });
@@ -65,28 +97,10 @@ void ImportedRun::doubt(const std::string& text) {
   lines_.append("\n").append(printable(text));
 }
 
-void ImportedRun::put_counters(Sensor sensor, const std::vector<Counter>& counters) {
-  for (const Counter& c : counters) counted_.push_back({name_of(sensor), c.name, c.value});
-}
-
 std::string ImportedRun::finish() {
   flush();
-  run_->put_counters(counted_);
-  std::string counts, causes;
-  for (const Sensor s : all_sensors) {
-    if (valid_[s] > 0)
-      counts.append(", ").append(name_of(s)).append(" in ").append(std::to_string(valid_[s]));
-    else if (!causes_[s].empty())
-      causes.append("; ").append(name_of(s)).append(": ").append(causes_[s]);
-  }
-  const std::string text = std::to_string(run_->records()) + " records" + counts;
-  if (counts.empty())
-    throw Error(ExitCode::failed, printable(file_.place()) + ": nothing to import: " +
-                                      printable(text + causes) + "; no record contains valid data");
   run_->close_as_one_file("complete");
-  record::check_written_run(file_.path(), printable(file_.place()));
-  file_.publish();
-  return printable(file_.place()) + ": " + text + lines_;
+  return publish_import(file_) + lines_;
 }
 
 }  // namespace echofuse::acquire

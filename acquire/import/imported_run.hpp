@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Writes runs imported from recordings or arrays. Their records get the same verdicts as those of a
-// live run (signal_check.hpp). Raw captures do not use this file; they are replayed as live runs.
+// Writes runs imported from arrays. Their records get the same verdicts as those of a live run
+// (signal_check.hpp). Publishes imported runs of all kinds.
 #pragma once
 #include <functional>
 #include <memory>
@@ -9,6 +9,7 @@
 
 #include "acquire/intake/signal_check.hpp"
 #include "acquire/record/run_file.hpp"
+#include "acquire/run/daemon.hpp"
 #include "drivers/core/clock.hpp"
 #include "drivers/util/new_file.hpp"
 
@@ -23,6 +24,14 @@ struct RunStart {
 // Returns the modification time of a file.
 UtcTime modified(const std::string& path);
 
+// Records an import in virtual time to the unpublished `file`. No sensor is required. Throws the
+// errors of record_run(), also if the user interrupts the program.
+void record_import(Config config, RunOptions options, port::Loop& loop, const NewFile& file);
+
+// Publishes a complete run file. Returns a line about its contents. If no record has a valid
+// sensor, publishes nothing and throws Error(failed).
+std::string publish_import(NewFile& file);
+
 // Threading: an ImportedRun may be used by only one thread at a time.
 class ImportedRun {
  public:
@@ -32,19 +41,12 @@ class ImportedRun {
   ImportedRun(const std::string& out, const RunStart& began, const SignalCheck& check,
               const MakeWriter& make);
 
-  record::RunWriter& writer() { return *run_; }
   void put_axes(const std::vector<Axis>& axes);
-  void put(record::FusedRecord record, const SignalCheck::RecordingEnds& ends = {});
+  void put(record::FusedRecord record);
   // Adds a warning to the run and to the lines returned by finish().
   void doubt(const std::string& text);
-  void put_counters(Sensor sensor, const std::vector<Counter>& counters);
-  const TagCounts& tags() const { return tags_; }
-  std::int64_t valid(Sensor s) const { return valid_[s]; }
-  // Returns why the sensor was not valid in the last such record; empty if unknown.
-  const std::string& cause(Sensor s) const { return causes_[s]; }
   UtcTime utc_of(HostTime t) const { return clock_.began + t; }
-  // Publishes the run file. Returns a line about its contents, then the warnings, one per line. If
-  // no record has a valid sensor, publishes nothing and throws Error(failed).
+  // Returns the result of publish_import(), then the warnings, one per line.
   std::string finish();
 
  private:
@@ -62,10 +64,6 @@ class ImportedRun {
   SignalCheck check_;
   std::unique_ptr<record::RunWriter> run_;
   std::vector<Axis> axes_;
-  std::vector<record::CounterRow> counted_;
-  PerSensor<std::int64_t> valid_{};
-  TagCounts tags_;
-  PerSensor<std::string> causes_{};
   std::vector<record::FusedRecord> batch_;  // records not yet written
   std::size_t batch_bytes_ = 0;
   std::string lines_;

@@ -10,11 +10,9 @@
 #include <utility>
 
 #include "acquire/import/import.hpp"
-#include "acquire/record/run_file.hpp"
-#include "acquire/run/daemon.hpp"
+#include "acquire/import/imported_run.hpp"
 #include "acquire/run/new_run.hpp"
 #include "drivers/port/virtual_loop.hpp"
-#include "drivers/util/console.hpp"
 #include "drivers/util/new_file.hpp"
 #include "drivers/util/printable.hpp"
 #include "drivers/util/regular_file.hpp"
@@ -228,27 +226,16 @@ std::string import_kept(Config config, const std::string& folder, const std::str
   attach(config.depth.address, "depth", ".blocks");
   if (streams.empty())
     throw Error(ExitCode::failed, printable(folder) + ": contains no data of a configured device");
-  config.policy = {"optional", "optional", "optional"};
   refuse_bad_target(out);
   NewFile file(out, NewFile::Staged{});
   RunOptions options;
-  options.out = file.path();
   options.count =
       std::max<std::int64_t>(1, live.slots * live.slot_ns / from_seconds(config.window_s).count());
   options.meta = {{"imported_from", utf8_text(fs::path(folder).filename().string())}};
-  options.quiet = true;
   options.kept_slot = live.first_slot;
   if (live.slot_ns == from_seconds(config.window_s).count()) options.kept_closings = live.closings;
-  record_run(config, options, loop);
-  if (interrupted())
-    throw Error(ExitCode::interrupted, printable(out) + ": interrupted; nothing was written");
-  const record::RunSummary made = record::RunReader(file.path()).summary();
-  if (std::ranges::all_of(all_sensors, [&](Sensor s) { return made.valid[s] == 0; }))
-    throw Error(ExitCode::failed,
-                printable(folder) + ": nothing was imported, because none of the " +
-                    std::to_string(made.records) + " records contains valid data");
-  file.publish();
-  return printable(out) + ": converted from the raw capture";
+  record_import(std::move(config), std::move(options), loop, file);
+  return publish_import(file);
 }
 
 }  // namespace echofuse::acquire

@@ -76,6 +76,7 @@ class PicoquantTags final : public Recording {
   bool next(SampleSink& sink) override;
   HostTime at() const override { return at_; }
   std::vector<Counter> counters() const override;
+  bool usable() const override { return missing_input().empty(); }
   std::vector<std::string> doubts() const override;
   std::optional<UtcTime> began() const;  // start time, converted from the local time in the file
   // Returns true if the local start time occurred twice because summer time ended.

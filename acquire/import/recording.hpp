@@ -19,6 +19,8 @@ class Recording {
   // Returns the host time of the last samples.
   virtual HostTime at() const = 0;
   virtual std::vector<Counter> counters() const = 0;
+  // Returns false if a record without this recording would contain the same information.
+  virtual bool usable() const { return true; }
   // Returns warnings about missing or doubtful data. May be called only after the end of the
   // recording.
   virtual std::vector<std::string> doubts() const = 0;

@@ -5,14 +5,15 @@
 
 namespace echofuse::acquire {
 
-Stream::Stream(const Config& config, SampleSink& next)
+Stream::Stream(const Config& config, SampleSink& next, bool live)
     : next_(next),
+      live_(live),
       bridged_radar_(!config.radar.address.empty()),
       samples_(config.window_s,
                [&next](Sensor sensor, const std::string& text) {
                  next.on_event(sensor, Severity::warning, text);
                }),
-      tags_(config.histogram, true,
+      tags_(config.histogram, live,
             [&next](const std::string& text) {
               next.on_event(Sensor::spd, Severity::warning, text);
             }),
@@ -31,7 +32,7 @@ void Stream::on_histogram(HistogramFrame frame) {
 
 void Stream::on_radar(RadarFrame frame) {
   if (bridged_radar_) samples_.take(frame);
-  clocks_.observe(frame);
+  if (live_) clocks_.observe(frame);
   next_.on_radar(std::move(frame));
 }
 
@@ -42,6 +43,7 @@ void Stream::on_depth(DepthFrame frame) {
 }
 
 void Stream::on_state(Sensor sensor, DeviceState state, const DeviceInfo& info) {
+  if (sensor == Sensor::spd && state == DeviceState::ended) tags_.flush(take_tags_);
   next_.on_state(sensor, state, info);
   for (const Axis& axis : info.axes) samples_.take(axis);
 }

@@ -15,8 +15,10 @@ namespace echofuse::acquire {
 // sample before it is passed on, so that it contains the host time of the sample.
 class Stream final : public SampleSink {
  public:
-  // `next` must outlive this object.
-  Stream(const Config& config, SampleSink& next);
+  // `next` must outlive this object. If `live` is false, the samples come from recordings, which
+  // compute the arrival times from the device clocks: no clock is compared with the arrival times,
+  // and the faults of tags are reported at the end.
+  Stream(const Config& config, SampleSink& next, bool live = true);
 
   const SensorClocks& clocks() const { return clocks_; }
   // Ends the stream: passes on the tags that wait for later tags, and reports the faults that have
@@ -35,6 +37,7 @@ class Stream final : public SampleSink {
   }
 
   SampleSink& next_;
+  bool live_;
   bool bridged_radar_;  // true if a bridge computes the range profiles
   SampleCheck samples_;
   TagCheck tags_;

@@ -8,7 +8,6 @@
 #include <filesystem>
 #include <utility>
 
-#include "acquire/devices/devices.hpp"
 #include "acquire/intake/intake.hpp"
 #include "acquire/intake/scheduler.hpp"
 #include "acquire/record/columns.hpp"
@@ -49,7 +48,7 @@ class Daemon final : private SampleSink {
         loop_(loop),
         label_(config.label),
         log_(loop),
-        devices_(loop, config, *this, keep_raw(options)) {}
+        devices_(loop, config, *this, keep_raw(options), options.recording) {}
 
   // If an exception ended the run, stops the devices without closing further slots.
   ~Daemon() override {
@@ -136,9 +135,11 @@ ExitCode Daemon::run() {
   if (!options_.kept_slot) devices_.take("run", options_.out);
   if (raw_) raw_->note("run", loop_.now(), "start", loop_.utc().count());
   devices_.start();
-  devices_.wait(config_.connect_timeout_s);
-  devices_.refuse_misconfigured();
-  require_devices();
+  if (!options_.recording) {
+    devices_.wait(config_.connect_timeout_s);
+    devices_.refuse_misconfigured();
+    require_devices();
+  }
   if (options_.countdown_s > 0) count_down();
   begin();
   arm();
@@ -268,7 +269,10 @@ void Daemon::on_state(Sensor sensor, DeviceState state, const DeviceInfo& info) 
   // The clock fit is kept when a device reconnects, because buffered samples still have times of
   // the old clock. ClockFit detects a restarted clock.
   if (recording_ && state == DeviceState::streaming) announce(sensor);
-  if (state == DeviceState::ended) intake_.end(sensor, loop_.now());
+  if (state != DeviceState::ended) return;
+  intake_.end(sensor, loop_.now());
+  const auto ended = [](const auto& device) { return device.state == DeviceState::ended; };
+  if (options_.recording && devices_.all(ended)) recording_->scheduler.finish(loop_.now());
 }
 
 void Daemon::on_event(Sensor sensor, Severity severity, const std::string& text) {

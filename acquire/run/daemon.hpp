@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "acquire/config/config.hpp"
+#include "acquire/devices/devices.hpp"
 #include "acquire/intake/scheduler.hpp"
 #include "drivers/port/loop.hpp"
 #include "drivers/util/exit_code.hpp"
@@ -33,8 +34,10 @@ struct RunOptions {
   bool strict = false;
   // Folder for the raw bytes of all ports; if empty, raw bytes are not stored.
   std::string keep_raw;
-  // Start of slot 0 when a raw capture is imported; no devices are used in this case.
+  // Start of slot 0 in an import, which uses no devices and no locks.
   std::optional<HostTime> kept_slot{};
+  // Creates devices that play recordings. The run then ends with the last of them.
+  Devices::MakeRecording recording{};
   std::deque<ClosedSlot> kept_closings{};      // slots that the recorded run closed
   std::function<void(std::int64_t)> progress;  // called with the number of records on disk
   // Called with the path of each run file that is opened.

@@ -40,6 +40,15 @@ std::pair<ExitCode, std::string> error_of(Body body) {
   return {ExitCode::ok, ""};
 }
 
+// Returns the warnings in a run that do not refer to a single record, one per line.
+inline std::string warnings_of(const std::string& path) {
+  std::string out;
+  for (const auto& event : record::RunReader(path).events())
+    if (event.level != "info" && !event.text.starts_with("record "))
+      out += "\n" + event.source + ": " + event.text;
+  return out;
+}
+
 // Checks that all columns and arrays of the two records are equal. Defined in run_rows.cpp.
 void check_same(const FusedRecord& read, const FusedRecord& wrote);
 
