@@ -1,0 +1,211 @@
+// SPDX-License-Identifier: MIT
+// Sends one stream of bytes to run, import, doctor and calibrate, which must find the same faults
+// and counts.
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <deque>
+#include <fstream>
+#include <functional>
+#include <iterator>
+#include <nlohmann/json.hpp>
+#include <random>
+#include <set>
+
+#include "../fixtures/record.hpp"
+#include "acquire/calibrate/calibrate.hpp"
+#include "acquire/doctor/doctor.hpp"
+#include "acquire/import/import.hpp"
+#include "bench.hpp"
+#include "drivers/core/random.hpp"
+#include "sim/wire/encode.hpp"
+
+using namespace echofuse;
+using test::Bench;
+using namespace std::chrono_literals;
+
+namespace {
+
+constexpr std::int64_t pulse_ps = 10'000'000, pulses_per_block = 5000;
+constexpr double true_m = 1.5;
+
+struct StreamFault {
+  const char* name;
+  const char* warning;  // part of the warning of each command; empty: none
+  bool swaps = false, histograms = false;
+  unsigned bits = 63;               // width of the tagger's counter
+  std::uint32_t lost = 0, bad = 0;  // every nth block is not sent, or damaged; 0: none
+};
+
+// Time tagger behind a bridge. It sends a block every 50 ms: starts at 100 kHz, and a click
+// after every 40th start.
+class Tagger {
+ public:
+  Tagger(port::Loop& loop, const StreamFault& fault) : fault_(fault), timer_(loop), listener(loop) {
+    listener.start({.connected = [this] { begin(); },
+                    .left =
+                        [this] {
+                          timer_.cancel();
+                          listener.accept();
+                        }});
+    listener.accept();
+  }
+
+ private:
+  void begin() {
+    number_ = 0;
+    const std::string hello = std::string(R"({"model":"T","serial":"T1","firmware":"1")") +
+                              (fault_.histograms ? R"(,"sends":"histograms"})" : "}");
+    send(sim::BlockKind::hello, {hello.begin(), hello.end()});
+    next();
+  }
+  void next() {
+    const bool lost = fault_.lost > 0 && number_ % fault_.lost == fault_.lost - 1;
+    if (lost) ++number_, ++block_;
+    if (fault_.histograms)
+      send(sim::BlockKind::histogram, histogram());
+    else
+      send(sim::BlockKind::tags, tags());
+    timer_.after(50ms, [this] { next(); });
+  }
+  Bytes tags() {
+    std::normal_distribution<double> jitter(true_m * ps_per_m, 100);
+    Bytes out;
+    const std::int64_t first = block_++ * pulses_per_block;
+    const auto put = [&](std::int32_t channel, std::int64_t ps) {
+      sim::put_tag(out, channel, ps & ((std::int64_t{1} << fault_.bits) - 1));
+    };
+    for (std::int64_t k = first; k < first + pulses_per_block; ++k) {
+      const std::int64_t click = k * pulse_ps + std::llround(jitter(rng_));
+      const bool clicks = k % 40 == 0;
+      if (clicks && fault_.swaps) put(2, click);
+      put(1, k * pulse_ps);
+      if (clicks && !fault_.swaps) put(2, click);
+    }
+    return out;
+  }
+  Bytes histogram() {
+    std::vector<std::uint32_t> counts(336, 1);
+    counts[100] = 125;
+    return sim::histogram_payload(counts, 336, 50'000 * static_cast<std::uint64_t>(block_++),
+                                  pulses_per_block, 0, 100, 50'000);
+  }
+  void send(sim::BlockKind kind, const Bytes& payload) {
+    sent_.push_back(sim::bridge_block(kind, number_, 0, payload));
+    if (fault_.bad > 0 && number_ % fault_.bad == fault_.bad - 1) sent_.back().back() ^= 1;
+    ++number_;
+    listener.write(sent_.back(), [](bool) {});
+  }
+  StreamFault fault_;
+  std::mt19937_64 rng_{make_rng(7, 1)};
+  port::Timer timer_;
+  std::deque<Bytes> sent_;
+  std::uint32_t number_ = 0;
+  std::int64_t block_ = 0;
+
+ public:
+  test::MemoryListener listener;
+};
+
+std::string printed_by(const std::string& path, const std::function<void()>& action) {
+  std::fflush(stdout);
+  const int before = ::dup(STDOUT_FILENO);
+  const int file = ::open(path.c_str(), O_CREAT | O_WRONLY | O_TRUNC, 0600);
+  ::dup2(file, STDOUT_FILENO);
+  action();
+  std::fflush(stdout);
+  ::dup2(before, STDOUT_FILENO);
+  ::close(before), ::close(file);
+  std::ifstream in(path);
+  return std::string(std::istreambuf_iterator<char>(in), {});
+}
+
+}  // namespace
+
+TEST_CASE("run, import, doctor and calibrate find the same faults and counts in one stream") {
+  const auto fault = GENERATE(StreamFault{"in order", ""},
+                              StreamFault{"out of order", "events out of order", true},
+                              StreamFault{"wrapping", "wrap-arounds", false, false, 40},
+                              StreamFault{"losses", "", false, false, 63, 7},
+                              StreamFault{"bad blocks", "", false, false, 63, 0, 9},
+                              StreamFault{"histograms", "", false, true});
+  CAPTURE(fault.name);
+  Bench b({.window_s = 2});
+  Tagger tagger(b.lab->loop, fault);
+  b.lab->loop.ports["bridge:tcp://tagger:1"] = tagger.listener.opener();
+  b.lab->set({"radar.cli=", "radar.data=", "depth.address=", "tdc.first_bin_ps=0",
+              "tdc.bin_width_ps=100", "tdc.bins=336", "tdc.address=bridge:tcp://tagger:1",
+              "run.folder=" + b.folder / "", "run.calibration=" + b.folder / "c.toml"},
+             false);
+
+  acquire::RunOptions options = b.run(3);
+  options.keep_raw = b.folder / "raw";
+  REQUIRE(b.lab->record(options) == ExitCode::ok);
+  const auto records = b.records();
+  std::string events;
+  for (const std::string& text : b.events("spd")) events += text + "\n";
+  CHECK_THAT(events, Catch::Contains(fault.warning));
+  const record::FusedRecord& found = records.at(1);
+  const double starts_hz = static_cast<double>(found.spd_counts.starts) / 2,
+               clicks_hz = static_cast<double>(found.spd_counts.in_range) / 2;
+  REQUIRE(found.has(Sensor::spd));
+  CHECK((found.sync[Sensor::spd].lost > 0) == (fault.lost + fault.bad > 0));
+  const auto peak = std::ranges::max_element(test::counts(found)) - test::counts(found).begin();
+  if (!fault.histograms)
+    CHECK((static_cast<double>(peak) + 0.5) * 100 / ps_per_m == Approx(true_m).margin(0.03));
+
+  acquire::import_kept(acquire::kept_config(options.keep_raw, {}), options.keep_raw,
+                       b.folder / "imported.sqlite");
+  const record::RunReader imported(b.folder / "imported.sqlite");
+  // In virtual time, the raw capture ends before the closing of the last slot is written to it.
+  REQUIRE(imported.count() == 2);
+  for (std::int64_t k = 0; k < imported.count(); ++k) {
+    const record::FusedRecord again = imported.read(k);
+    const record::FusedRecord& first = records[static_cast<std::size_t>(k)];
+    CHECK(test::difference(again, first).empty());
+    CHECK(again.spd_counts.tags == first.spd_counts.tags);
+    CHECK(again.sync[Sensor::spd].lost == first.sync[Sensor::spd].lost);
+    CHECK(again.sync[Sensor::spd].verdict == first.sync[Sensor::spd].verdict);
+  }
+  std::string repeated;
+  for (const auto& event : imported.events()) repeated += event.text + "\n";
+  CHECK_THAT(repeated, Catch::Contains(fault.warning));
+
+  const std::string said = printed_by(b.folder / "said", [&] {
+    acquire::DoctorOptions doctor;
+    doctor.json = true;
+    acquire::examine(b.lab->config(), doctor, b.lab->loop);
+  });
+  const nlohmann::json report = nlohmann::json::parse(said);
+  std::string findings;
+  for (const auto& check : report["checks"]) {
+    if (check["check"] != "spd") continue;
+    findings += check["found"].get<std::string>() + "\n";
+    if (!check["facts"].contains("starts_per_s")) continue;
+    // A slot of doctor contains up to two blocks of 40 more or less than a slot of the run.
+    CHECK(check["facts"]["starts_per_s"].get<double>() == Approx(starts_hz).epsilon(0.2));
+    CHECK(check["facts"]["clicks_per_s"].get<double>() == Approx(clicks_hz).epsilon(0.2));
+    CHECK(check["facts"]["share_in_range"] == 1);
+    CHECK((check["facts"]["lost_tags"] > 0) == (fault.lost + fault.bad > 0));
+  }
+  CHECK_THAT(findings, Catch::Contains(fault.warning));
+
+  acquire::CalibrateOptions calibration;
+  calibration.search = {.distance_m = true_m, .window_m = 0.3};
+  calibration.repeats = 6, calibration.time_s = 0.5;
+  calibration.json = true;
+  ExitCode code{};
+  const std::string measured = printed_by(b.folder / "said", [&] {
+    code = acquire::calibrate(b.lab->config(), calibration, b.lab->loop);
+  });
+  CAPTURE(measured);
+  CHECK(code == (fault.histograms ? ExitCode::device : ExitCode::ok));
+  const nlohmann::json spd = nlohmann::json::parse(measured)["sensors"][0];
+  if (fault.histograms)
+    CHECK_THAT(spd["refusal"].get<std::string>(), Catch::Contains("sends histograms"));
+  else
+    CHECK(std::abs(spd["offset_m"].get<double>()) < 1e-3);
+}
