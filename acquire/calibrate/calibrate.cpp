@@ -138,7 +138,7 @@ class Measurement {
   // peak.
   AntennaFit wave() const {
     const Peak peak = options_.side ? echo(frames_) : radar().peak;
-    AntennaFit all{.gains = {}, .snr_db = 0, .refusal = "no peak in the range profile"};
+    AntennaFit all{.gains = {}, .snr_db = 0, .refusal = peak.refusal};
     if (!peak.refusal.empty()) return all;
     const auto fit = [&](const ArrayFrames& frames) {
       return fit_antennas(frames, config_.antennas.size(),
