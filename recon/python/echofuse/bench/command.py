@@ -122,8 +122,8 @@ def main() -> None:
         if getattr(args, "figure", None):
             require_matplotlib()
         table = args.run(args)
-        if table and table.failed:
-            raise BenchError(f"{table.failed} table rows failed; the tracebacks are in {table.log}")
+        if table and (failed := table.failed or table.unmeasured):
+            raise BenchError(f"{failed} table rows failed; the tracebacks are in {table.log}")
     except (RuntimeError, ValueError, OSError, sqlite3.Error) as error:
         print(f"echofuse-bench: {error}", file=sys.stderr)
         full = getattr(error, "errno", 0) in (errno.ENOSPC, errno.EDQUOT,
@@ -143,7 +143,7 @@ def require_matplotlib() -> None:
 
 def _pareto(args: argparse.Namespace) -> Table:
     if runs.open(args.train).info["uuid"] == runs.open(args.test).info["uuid"]:
-        raise UsageError(f"{args.test}: this is also the training run; choose another test run")
+        raise UsageError(f"{args.test}: is a training run; score another run")
     methods, sweep = ([method(name) for name in names] for names in (args.methods, args.sweep))
     table = Table(args.out, source_line(args.train, args.test), args.part)
     fill(table, pareto_cells(args.train, args.test, methods, seeds=args.seeds or 3, sweep=sweep),

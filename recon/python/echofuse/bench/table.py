@@ -98,6 +98,11 @@ class Table:
         """Returns the key of a row: axis, value, model, inputs, seed."""
         return tuple(str(row[name]) for name in COLUMNS[:5])
 
+    @property
+    def unmeasured(self) -> int:
+        """Number of rows if all rows contain NaN, otherwise 0."""
+        return len(self.rows) * all(np.isnan(float(row["iou"])) for row in self.rows.values())
+
     def has(self, cell: Cell) -> bool:
         """Returns whether the table contains a valid row for this cell. The row of a failed user
         method, or of one with unknown code, is not valid."""

@@ -228,7 +228,7 @@ def record(run: runs.Run | Path, index: int, *, ax: Panels = None) -> Figure:
 
 def timeline(run: runs.Run | Path, *, ax: Panels = None) -> Figure:
     """Draws the clock residuals and the sensor rates as functions of time. Missing data are marked
-    in red."""
+    in red. A sensor without any data has no panel."""
     run = opened(run)
     window = float(run.info["window_s"])
     used = np.array(run.select("SELECT spd_used, radar_used, depth_used FROM record ORDER BY idx"),
@@ -238,25 +238,29 @@ def timeline(run: runs.Run | Path, *, ax: Panels = None) -> Figure:
                    "record ORDER BY idx"), float)
     names = {"spd": "SPD (clicks/s)", "radar": "radar (frames/s)",
              "depth": "camera (frames/s used)"}
-    fig, axes = figure(1, 4, wide=6.4, high=1.25, ax=ax)
+    columns = {sensor: k for k, sensor in enumerate(names)}
+    names = {sensor: name for sensor, name in names.items() if run.valid[sensor].any()}
+    fig, axes = figure(1, len(names) + 1, wide=6.4, high=1.25, ax=ax)
+    *axes, residuals = axes[:len(names) + 1]
     minutes = (run.time - run.time[0]) / np.timedelta64(1, "s") / 60 if len(run) else np.zeros(0)
-    for k, (panel, (sensor, name)) in enumerate(zip(axes, names.items())):
-        panel.plot(minutes, used[:, k] / window if len(used) else [], color=COLOURS[sensor], lw=1)
+    for panel, (sensor, name) in zip(axes, names.items()):
+        panel.plot(minutes, used[:, columns[sensor]] / window if len(used) else [],
+                   color=COLOURS[sensor], lw=1)
         panel.vlines(minutes[~run.valid[sensor]], 0, 1, color=COLOURS["bad"], lw=1, alpha=0.6,
                      transform=panel.get_xaxis_transform())
         panel.set_ylabel(name.replace(" ", "\n", 1), fontsize=8)
         panel.set_ylim(bottom=0)
-    for k, sensor in enumerate(names):
+    for sensor in names:
         if len(clocks):
-            axes[3].plot(np.interp(clocks[:, 0], run.index, minutes), 1e6 * clocks[:, 1 + k],
-                         color=COLOURS[sensor], lw=1,
-                         label={"spd": "SPD", "depth": "camera"}.get(sensor, sensor))
-    axes[3].set_ylabel("residual\n(µs)", fontsize=8)
-    if axes[3].lines:
-        axes[3].legend(fontsize=7, frameon=False, ncols=3, loc="upper left")
-    for panel in axes:
+            residuals.plot(np.interp(clocks[:, 0], run.index, minutes),
+                           1e6 * clocks[:, 1 + columns[sensor]], color=COLOURS[sensor], lw=1,
+                           label={"spd": "SPD", "depth": "camera"}.get(sensor, sensor))
+    residuals.set_ylabel("residual\n(µs)", fontsize=8)
+    if residuals.lines:
+        residuals.legend(fontsize=7, frameon=False, ncols=3, loc="upper left")
+    for panel in (*axes, residuals):
         panel.set_xlim(0, max(float(minutes[-1]) if len(run) else 0, 1e-3))
-    axes[3].set_xlabel("time (min)")
+    residuals.set_xlabel("time (min)")
     return fig
 
 
@@ -368,9 +372,13 @@ def pareto(path: Path, *, bound_m: float | None = None, axis: str = "model",
               if any(row["axis"] == sweep for row in rows)]
     shape = (2, 1 + (len(sweeps) + 1) // 2) if ax is None else (2 + len(sweeps), 1)
     fig, axes = figure(*shape, wide=5.4, high=4.0, ax=ax)
-    methods = {name: group for (kind, _, name), group in by_model.items() if kind == axis
-               and over_seeds(group, "iou")[0] >= 0.01}
+    methods = {name: group for (kind, _, name), group in by_model.items() if kind == axis}
+    hidden = [name for name in methods if not over_seeds(methods[name], "iou")[0] >= 0.01]
+    methods = {name: group for name, group in methods.items() if name not in hidden}
     _iou_by_time(axes[0], methods)
+    if hidden:
+        axes[0].text(0.99, 0.01, f"not shown (IoU below 0.01): {', '.join(hidden)}", fontsize=7,
+                     transform=axes[0].transAxes, ha="right", va="bottom")
     _error_by_cost(axes[1], methods, bound_m)
     for panel, sweep in zip(axes[2:], sweeps):
         taken: list[str] = []
@@ -436,7 +444,9 @@ def stability(path: Path, axis: str, *, base: str | None = None, title: str = ""
         panel.axvline(values.index(base or "base"), color=COLOURS["grey"], lw=0.8, ls=":")
     panel.set_xticks(at, values, rotation=30 if max(len(v) for v in values) > 5 else 0,
                      ha="right" if max(len(v) for v in values) > 5 else "center")
-    panel.set(xlabel=title or axis, ylabel="IoU")
+    steps = np.diff([float(value) for value in values]) if ordered else np.zeros(0)
+    scale = " (steps are not to scale)" * (not np.allclose(steps, steps[:1]))
+    panel.set(xlabel=(title or axis) + scale, ylabel="IoU")
     panel.set_ylim(bottom=0)
     panel.legend(fontsize=8, frameon=False, loc="upper left", bbox_to_anchor=(1, 1))
     return fig
