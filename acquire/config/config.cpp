@@ -154,7 +154,7 @@ void bind(Settings& s, Config& c, Keys& k) {
         "alert if the disk of the run has less free space than this, GB; 0 disables this alert");
   s.add("alert.on_doubt", c.on_doubt,
         "program and its arguments, started by `run` when the state of a sensor or of the disk "
-        "changes; a path with / is relative to the folder of this configuration file; empty: no "
+        "changes; a program in the folder of this configuration file needs no path; empty: no "
         "program");
 }
 
@@ -290,8 +290,11 @@ void check_config(ConfigChecker checker, Config& c, const Keys& k,
   checker.attempt({"tdc.click_channel", "tdc.start_channel", "tdc.bins", "tdc.bin_width_ps"},
                   [&] { const tdc::Histogram check(c.histogram); });
   check_radar_keys(checker, c, k.cfg, folder);
-  if (!c.on_doubt.empty() && c.on_doubt[0].find('/') != std::string::npos)
-    c.on_doubt[0] = (folder / c.on_doubt[0]).string();
+  // A program in the folder of the configuration precedes one of the same name in PATH.
+  if (!c.on_doubt.empty())
+    if (const auto own = folder / c.on_doubt[0];
+        c.on_doubt[0].find('/') != std::string::npos || std::filesystem::is_regular_file(own))
+      c.on_doubt[0] = std::filesystem::absolute(own).string();
   if (!k.folder.empty()) c.run_folder = (folder / k.folder).string();
   c.calibration_path =
       (folder / (k.calibration.empty() ? "calibration.toml" : k.calibration)).string();
