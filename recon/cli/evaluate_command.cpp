@@ -150,6 +150,17 @@ void print_evaluations(const std::vector<Evaluation>& all, const std::vector<Met
   print(printable_lines(text + paired_text(scored)));
 }
 
+// Throws Error(failed) if the scored run is also a training run, unless the folders state which
+// records were used for training.
+void refuse_training_run(const Dataset& scored, const Dataset& trained_on,
+                         const std::vector<WrittenMaps>& folders) {
+  if (std::ranges::any_of(folders, [](const auto& maps) { return !maps.trained_on.empty(); }))
+    return;
+  const Source& run = scored.sources.front();
+  if (std::ranges::find(trained_on.sources, run.uuid, &Source::uuid) != trained_on.sources.end())
+    throw Error(ExitCode::failed, printable(run.path) + ": is a training run; score another run");
+}
+
 // Evaluates several models on the records that contain data from all sensors needed by these
 // models.
 ExitCode evaluate_models(const Arguments& a, const Common& common) {
@@ -163,6 +174,7 @@ ExitCode evaluate_models(const Arguments& a, const Common& common) {
   subtract_range_offset(data, a.range_offset_m);
   if (!a.train.empty()) {
     other = load(a.train);
+    if (!a.all) refuse_training_run(data, other, {});
     require_map(other, models[0]->scene.grid, "the model");
   }
   const Dataset& trained_on = a.train.empty() ? data : other;
@@ -278,19 +290,6 @@ nlohmann::json maps_json(const ScoredMaps& maps, const std::vector<ScoredRow>& s
   for (std::size_t k = 0; k < maps.all.size(); ++k)
     out["rows"][k]["answered"] = k < maps.answered.size() ? maps.answered[k] : rows;
   return out;
-}
-
-// Throws Error(failed) if the scored run is also a training run, unless the folders state which
-// records were used for training.
-void refuse_training_run(const Dataset& scored, const Dataset& trained_on,
-                         const std::vector<WrittenMaps>& folders) {
-  if (std::ranges::any_of(folders, [](const auto& maps) { return !maps.trained_on.empty(); }))
-    return;
-  const Source& run = scored.sources.front();
-  if (std::ranges::find(trained_on.sources, run.uuid, &Source::uuid) != trained_on.sources.end())
-    throw Error(ExitCode::failed, printable(run.path) +
-                                      ": is a training run (--train); score another run, or choose "
-                                      "the records with --rows");
 }
 
 // Evaluates folders of maps together with models. If a folder has no map for a record, the map of

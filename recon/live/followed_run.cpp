@@ -134,6 +134,7 @@ void FollowedRun::take(const record::FusedRecord& o) {
     sensor.verdict = verdicts[s] = o.sync[s].verdict;
     sensor.configured = sensor.verdict.kind != record::VerdictKind::not_configured;
     sensor.valid = o.valid.contains(s);
+    if (o.sync[s].doubtful()) sensor.last_doubtful = outlines_.size() - 1, out.doubtful = true;
     if (sensor.valid) sensor.last_valid = out.end;
     sensor.missing += sensor.configured && !sensor.valid ? 1 : 0;
     sensor.used = static_cast<double>(o.sync[s].used);

@@ -20,6 +20,7 @@ struct Outline {
   std::int64_t index = 0;
   UtcTime start{}, end{};
   SensorSet valid;
+  bool doubtful = false;
   PerSensor<float> used{}, lost{}, residual_s{};  // residual_s: clock residual; NaN if not measured
   // Highest temperature on the radar chip, degrees C.
   float radar_c = std::numeric_limits<float>::quiet_NaN();
@@ -37,6 +38,7 @@ struct SensorState {
   std::uint64_t lost = 0, late = 0;  // number of lost and late samples in the whole run
   std::uint64_t missing = 0;         // number of records without valid data from this sensor
   std::optional<double> residual_s;
+  std::optional<std::size_t> last_doubtful;  // position of the last doubtful record in outlines()
 };
 
 // Properties of a run file that change if its contents change.

@@ -9,7 +9,9 @@
 
 #include "drivers/util/command_line.hpp"
 #include "drivers/util/console.hpp"
+#include "drivers/util/new_file.hpp"
 #include "drivers/util/printable.hpp"
+#include "recon/live/saved_page.hpp"
 #include "recon/live/server.hpp"
 #include "recon/numbers/parallel.hpp"
 
@@ -18,7 +20,8 @@ using namespace echofuse;
 using namespace echofuse::view;
 
 struct Options {
-  std::string model;
+  std::string model, save;
+  std::vector<std::int64_t> records;  // records of a saved page
   ServerOptions server;
   bool quiet = false;
 };
@@ -45,6 +48,13 @@ ExitCode show(const Options& o) {
     std::fprintf(stderr, "echofuse-view: %s; the page shows no reconstructions\n",
                  printable(e.what()).c_str());
   }
+  if (!o.save.empty()) {
+    FollowedRun run(o.server.run);
+    RunMessages messages(run, model ? &*model : nullptr, o.server.planned, clock);
+    write_atomically(o.save, saved_page(messages, o.records));
+    std::printf("%s\n", printable(o.save).c_str());
+    return ExitCode::ok;
+  }
   Server server(o.server, model ? &*model : nullptr, clock);
   if (!o.server.until_closed)
     if (const std::string why = server.missing(); !why.empty())
@@ -64,6 +74,15 @@ int run(int argc, char** argv) {
   app.add_option("RUN", o.server.run, "run file, or folder of runs")->type_name("RUN")->required();
   app.add_option("--model", o.model, "model file for the depth maps that the page shows")
       ->type_name("MODEL");
+  CLI::Option* const save =
+      app.add_option("--save", o.save,
+                     "save the page as one HTML file for any browser and for print, then exit; it "
+                     "contains at most 40 records")
+          ->type_name("FILE.html");
+  app.add_option("--records", o.records, "records that the saved page must contain, e.g. 3,7")
+      ->delimiter(',')
+      ->allow_extra_args(false)
+      ->needs(save);
   app.add_option("--listen", o.server.listen,
                  "ADDRESS:PORT to listen on (default: 127.0.0.1:8410, or a free port if 8410 is in "
                  "use); browsers on other machines need the printed token");
@@ -73,8 +92,10 @@ int run(int argc, char** argv) {
   app.add_flag("--until-closed", o.server.until_closed,
                "exit when the run has ended and no browser is connected");
   app.add_flag("-q,--quiet", o.quiet, "print errors only");
-  more_options(app, {"--planned", "--until-closed", "--quiet"});
-  add_examples(app, {"echofuse-view monday.sqlite", "echofuse-view . --model fused.safetensors"});
+  more_options(app, {"--records", "--planned", "--until-closed", "--quiet"});
+  add_examples(app,
+               {"echofuse-view monday.sqlite", "echofuse-view --save monday.html monday.sqlite",
+                "echofuse-view . --model fused.safetensors"});
   try {
     parse_command_line(app, argc, argv);
   } catch (const CLI::ParseError& e) {

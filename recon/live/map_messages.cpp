@@ -14,6 +14,7 @@ using Json = nlohmann::json;
 constexpr double track_s = 60;
 constexpr std::size_t most_places = 30;  // maximum number of points in a track
 constexpr std::size_t most_places_kept = 1000;
+constexpr std::size_t most_scored = 100;  // maximum number of records scored for a saved page
 
 }  // namespace
 
@@ -57,6 +58,25 @@ void RunMessages::add_maps(MessageWriter& out, Json& head, const record::FusedRe
   places_[r.index] = place_of(made);
   const std::vector<float> places = track(run, r.index);
   out.add<float>("track", places, {places.size() / 4, 4});
+}
+
+std::vector<std::int64_t> RunMessages::worst_and_median() const {
+  std::vector<std::int64_t> unseen;
+  std::vector<std::pair<double, std::int64_t>> scored;
+  if (!model_) return unseen;
+  for (const Outline& o : run_.outlines())
+    if (o.valid.contains(Sensor::depth) && !model_->saw(run_.info().uuid, o.index))
+      unseen.push_back(o.index);
+  run_.with_reader([&](const record::RunReader& run) {
+    for (const std::int64_t index : spread(unseen, most_scored)) {
+      Reconstruction made = model_->reconstruct(run, index, false);
+      model_->compare(made, map_of(run.read(index), run.axes(), made.grid));
+      if (made.iou) scored.emplace_back(*made.iou, index);
+    }
+  });
+  if (scored.empty()) return {};
+  std::ranges::sort(scored);
+  return {scored.front().second, scored[scored.size() / 2].second};
 }
 
 RunMessages::TrackPoint RunMessages::place_of(const Reconstruction& made) {

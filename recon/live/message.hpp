@@ -15,11 +15,14 @@
 //              may_write.
 //   state      Sent every second and after each record: status, records, first_index, last_index,
 //              elapsed_s, remaining_s, label, disk, events. sensors: {NAME: {verdict, valid, age_s
-//              (since the end of its last valid slot), used, arrived (frames in its slot), lost,
-//              late, missing (number of records without its data), residual_s}}. alerts: list of
-//              {source: sensor, disk or run, kind: "weak", "no data", "low", "crashed"}. doubt: how
-//              the newest records differ from the training data of the model, or null. doubts:
-//              summary of the verdicts of the whole run.
+//              (since the end of its last valid slot), worst (most frequent doubtful verdict of the
+//              run: word, valid, records; index and utc of the last doubtful record), used, arrived
+//              (frames in its slot), lost, late, missing (number of records without its data),
+//              residual_s}}. alerts: list of {source: sensor, disk or run, kind: "weak", "no data",
+//              "low", "crashed"}. doubt: how the newest records differ from the training data of
+//              the model, or null. doubts: summary of the verdicts of the whole run; doubtful:
+//              number of doubtful records; last_doubt: index and utc of the last one. ended_utc:
+//              empty for a live run.
 //   record     index, utc, label, live, sensors, rates and fits (tally.hpp), spd (counts), radar
 //              (dB), beams (dB by range and sine of azimuth, for radars with antenna samples),
 //              camera (mm), map (camera depth on the grid of the maps, m), holes (fraction of
@@ -39,6 +42,9 @@
 //   sheet      Thumbnails of records at equal distances in the run: index, maps (m) of sheet_side x
 //              sheet_side pixels, lacks (true if the depth map is missing), time_s since the first
 //              record. Columns of a waterfall: spd (clicks), radar (dB), NaN if missing.
+//   saved      Only in a saved page, as its first message: utc, records (indices of the records
+//   that
+//              it contains, which are the messages that follow), of (records of the run).
 //   answer     Result of a mark or label: ok, text.
 //   trouble    Sent every second instead of state if the run cannot be shown: text (reason).
 // Each message from the client is a text of at most 1024 bytes, e.g.

@@ -35,6 +35,8 @@ Json axis_json(const Axis& a) {
           {"step", a.step}};
 }
 
+Json end_of(const Outline& o) { return {{"index", o.index}, {"utc", iso8601(o.end)}}; }
+
 // Adds the histogram to the message. If the detector has zones, also adds the histogram and the
 // direction of each zone.
 void add_clicks(MessageWriter& out, Json& head, const record::FusedRecord& r,
@@ -55,6 +57,14 @@ Message answer(bool ok, const std::string& text) {
 }
 Message trouble(const std::string& text) {
   return MessageWriter().finish({{"kind", "trouble"}, {"text", text}});
+}
+
+std::vector<std::int64_t> spread(const std::vector<std::int64_t>& values, std::size_t count) {
+  if (values.size() <= count) return values;
+  std::vector<std::int64_t> out;
+  for (std::size_t k = 0; k < count; ++k)
+    out.push_back(values[count > 1 ? k * (values.size() - 1) / (count - 1) : 0]);
+  return out;
 }
 
 // Returns settings from the run's stored configuration, which is parsed only once per run.
@@ -119,8 +129,23 @@ Json RunMessages::sensors() const {
                        {"lost", sensor.lost},
                        {"late", sensor.late},
                        {"missing", sensor.missing},
-                       {"residual_s", sensor.residual_s ? number(*sensor.residual_s) : Json()}};
+                       {"residual_s", sensor.residual_s ? number(*sensor.residual_s) : Json()},
+                       {"worst", worst(s)}};
   }
+  return out;
+}
+
+// Returns the most frequent doubtful verdict on a sensor in the run, and the last record with any
+// doubtful verdict on it; null if no verdict is doubtful.
+Json RunMessages::worst(Sensor sensor) const {
+  std::pair<std::int64_t, record::VerdictKind> most{};
+  for (const auto& [kind, records] : run_.verdicts().by_sensor[sensor])
+    if (record::row_of(kind).doubtful) most = std::max(most, {records, kind});
+  const auto last = run_.sensors()[sensor].last_doubtful;
+  if (!last) return nullptr;
+  const record::VerdictRow& row = record::row_of(most.second);
+  Json out = end_of(run_.outlines()[*last]);
+  out.update({{"word", row.word}, {"valid", row.valid}, {"records", most.first}});
   return out;
 }
 
@@ -184,12 +209,19 @@ Message RunMessages::state() {
            {"elapsed_s", 0},
            {"doubt", nullptr},
            {"doubts", run_.verdicts().doubts()},
+           {"doubtful", run_.verdicts().doubtful},
+           {"last_doubt", nullptr},
+           {"ended_utc", run_.info().ended_utc},
            {"remaining_s", nullptr}};
   check_maps();
   if (!doubt_.empty()) out["doubt"] = doubt_;
   if (records > 0) {
     out["first_index"] = outlines.front().index;
     out["last_index"] = outlines.back().index;
+    const auto last = std::find_if(outlines.rbegin(), outlines.rend(),
+                                   [](const Outline& o) { return o.doubtful; });
+    if (last != outlines.rend()) out["last_doubt"] = end_of(*last);
+    if (!run_.live()) out["ended_utc"] = iso8601(outlines.back().end);
     const UtcTime end = run_.live() ? clock_.utc() : outlines.back().end;
     out["elapsed_s"] = std::max(0.0, seconds(end - outlines.front().start));
   }
@@ -357,7 +389,6 @@ Message RunMessages::sheet(std::int64_t first, std::int64_t last) const {
   std::vector<std::int64_t> within;
   for (const Outline& o : run_.outlines())
     if (o.index >= first && o.index <= last) within.push_back(o.index);
-  const std::size_t count = std::min(sheet_maps, within.size());
   MessageWriter out;
   Json indices = Json::array(), labels = Json::array(), lacks = Json::array();
   std::vector<float> maps, spd, radar;
@@ -369,8 +400,7 @@ Message RunMessages::sheet(std::int64_t first, std::int64_t last) const {
   const std::vector<Axis>& axes = run_.axes();
   record::MapGrid small = record::map_grid_of(axes);
   small.size = sheet_side;
-  for (std::size_t k = 0; k < count; ++k) {
-    const std::int64_t index = within[count > 1 ? k * (within.size() - 1) / (count - 1) : 0];
+  for (const std::int64_t index : spread(within, sheet_maps)) {
     run_.with_reader([&](const record::RunReader& run) {
       std::vector<float> map;
       std::string label;

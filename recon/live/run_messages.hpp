@@ -29,6 +29,8 @@ class RunMessages {
       : run_(run), model_(model), planned_(planned), clock_(clock) {}
 
   FollowedRun& run() { return run_; }
+  const FollowedRun& run() const { return run_; }
+  UtcTime now() const { return clock_.utc(); }
   Message about_run(bool may_write);
   Message state();
   // Returns the message for one record; caches the most recent message.
@@ -41,6 +43,9 @@ class RunMessages {
   // Returns the message with the mean histogram of the first minute; null until one minute has
   // passed or the run has ended.
   Message reference();
+  // Returns the indices of the records with the lowest and the median IoU among records at equal
+  // distances. Omits records on which the model was trained. Empty without a model.
+  std::vector<std::int64_t> worst_and_median() const;
 
  private:
   struct RunSettings {  // settings read from the configuration stored in the run
@@ -49,6 +54,7 @@ class RunMessages {
   };
   const RunSettings& settings();
   nlohmann::json sensors() const;
+  nlohmann::json worst(Sensor sensor) const;
   nlohmann::json disk() const;
   nlohmann::json alerts();
   nlohmann::json facts() const;
@@ -87,6 +93,9 @@ class RunMessages {
   HostTime checked_{};
   std::int64_t checked_last_ = -1;
 };
+
+// Returns at most `count` of the values, at equal distances, with the first and the last one.
+std::vector<std::int64_t> spread(const std::vector<std::int64_t>& values, std::size_t count);
 
 // Calls visit(key, value) for each setting in a resolved configuration, e.g. with "tdc.bins" and
 // "336".

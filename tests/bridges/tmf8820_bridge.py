@@ -191,7 +191,7 @@ class Recording(unittest.TestCase):
             self.assertGreaterEqual(len(list((place / "maps").glob("*.png"))), SLOTS // 2)
             self.run_program("echofuse-report", place / "page", "--run", run, "--model", model,
                              "--live", run)
-            self.assertIn("Clicks of the zones", (place / "page/report.html").read_text(encoding="utf-8"))
+            self.assertIn("ridge, SPD alone", (place / "page/report.html").read_text(encoding="utf-8"))
 
 
 if __name__ == "__main__":

@@ -54,7 +54,7 @@ def test_wheels_built_from_sources_and_sdist_contain_the_same_files(made, tmp_pa
     direct = built(copy_of_the_sources(tmp_path / "copy"), "wheel", tmp_path)
     names = [set(zipfile.ZipFile(wheel).namelist()) for wheel in (direct, next(made.glob("*.whl")))]
     assert names[0] == names[1]
-    assert {"echofuse/py.typed", "echofuse/web/report.html", "echofuse/bench/echofuse-bench-2.toml"} <= names[0]
+    assert {"echofuse/py.typed", "echofuse/runs/schema.sql", "echofuse/bench/echofuse-bench-2.toml"} <= names[0]
     assert any(name.endswith("dist-info/LICENSE") for name in names[0])
     assert (SOURCE / "LICENSE").read_bytes() == (SOURCE.parents[1] / "LICENSE").read_bytes()
 

@@ -131,7 +131,7 @@ TEST_CASE("the status of a predicted map names the doubtful input sensors") {
   const Outcome same = recon_program("-q evaluate --maps " + (dir / "o") + " " + (dir / "fresh") +
                                      " --train " + (dir / "fresh"));
   CHECK(same.code == 1);
-  CHECK_THAT(same.text, Catch::Contains("is a training run (--train); score another run"));
+  CHECK_THAT(same.text, Catch::Contains("is a training run; score another run"));
 }
 
 TEST_CASE("written maps get the same scores as their model, and invalid map files are refused") {

@@ -40,6 +40,16 @@ class Examples(unittest.TestCase):
         self.assertIn("4 records", self.call("/usr/bin/python3", examples / "read_and_plot.py", "a", 3, "a.pdf"))
         self.assertGreater((self.dir / "a.pdf").stat().st_size, 5000)
 
+    def test_open_metrics_example_converts_the_events_of_a_run(self):
+        self.call("echofuse-sim", "lab", "--dir", "lab", "--window", "0.5", "--scene", "reflector", "--",
+                  "sh", "-c", f"""echofuse-acquire run -q --json --config lab/lab.toml --out live --count 4 |
+                      /usr/bin/python3 {examples}/open_metrics.py metrics.prom""", ok=(0, 5))
+        lines = (self.dir / "metrics.prom").read_text().splitlines()
+        self.assertIn("echofuse_records 4", lines)
+        self.assertIn("echofuse_slot_seconds 0.5", lines)
+        self.assertTrue({"echofuse_exit_code 0", "echofuse_exit_code 5"} & set(lines), lines)
+        self.assertEqual(lines[-1], "# EOF")
+
     def test_closed_loop_example_labels_a_live_run(self):
         self.call("echofuse-sim", "lab", "--dir", "lab", "--window", "0.5", "--scene", "reflector", "--laser-rate-hz", "2e7", "--set", "signal_photons=5e4",
                   "--", "sh", "-c", f"""echofuse-acquire run -q --config lab/lab.toml --out live --count 8 &

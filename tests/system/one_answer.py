@@ -149,8 +149,8 @@ def of_report(run, folder):
     done = outcome("echofuse-report", folder / "page", "--live", run)
     assert done.returncode == 0, done.stderr
     page = (folder / "page/report.html").read_text(encoding="utf-8")
-    status, n = re.search(r'\.sqlite: ([^"]*?): (\d+) records?\b', page).groups()
-    doubts = re.search(r'; (\d+ of \d+ doubtful: [^"]*?)\."', page)
+    status, n = re.search(r'run is ([^<]*?): (\d+) records?\b', page).groups()
+    doubts = re.search(r'; (\d+ of \d+ doubtful: [^<]*?)\.<', page)
     lack = re.search(r"(\d+) without a required sensor", page)
     return {"records": int(n), "status": status, "doubts": doubts[1] if doubts else "", "incomplete": int(lack[1]) if lack else 0}
 

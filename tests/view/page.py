@@ -32,10 +32,15 @@ header_jumps = """
     return at();
   };
   const label = 'a person who holds the letter C and walks from the wall on the left to the window and back again, slowly, '.repeat(2);
+  const lamp = (word, text, note) => document.querySelectorAll('.lamp').forEach(at => [['strong', word], ['.verdict', text], ['.age', note]].forEach(
+    ([part, words]) => { at.querySelector(part).textContent = words; }));
+  lamp('OK', '', '');
   const short = say({status: 'complete', label: '–', shown: '–', records: '1', elapsed: '0:01', disk: '1 GB', about: 'records of 3 s'}),
     long = say({status: 'recording; check SPD, radar, depth camera', label, shown: `record 7, ${label}`, records: '123456 / 200000',
                 elapsed: '123:45:06', disk: '81.5 GB (123:45:06)', about: `records of 3 s on a-long-name.${'department.'.repeat(9)}example.org by ${label}`});
-  return Math.max(...short.map((v, i) => Math.abs(v - long[i])));
+  lamp('CHECK', 'weak: 123 clicks above the background (minimum 1000); also lossy: 12 of 34 frames', 'last data 12.3 s ago');
+  const worse = at();
+  return Math.max(...short.map((v, i) => Math.abs(v - worse[i])), ...short.map((v, i) => Math.abs(v - long[i])));
 """
 
 
@@ -148,7 +153,7 @@ class Page(live_view.LiveView):
         self.assertGreater(self.js("return +document.querySelector('#losses tr td:nth-child(3)').textContent"), 0)
         daemon.kill()
         daemon.wait()
-        self.wait("crash on the page", lambda: self.text("status") == "crashed")
+        self.wait("crash on the page", lambda: self.text("status").startswith("crashed at "))
 
         # The viewer is stopped. The page must show that the connection has been lost.
         viewer = self.processes[2]
@@ -157,7 +162,7 @@ class Page(live_view.LiveView):
         self.assertEqual(viewer.wait(10), 0)
         self.wait("status of the page", lambda: "no connection" in self.text("status"))
         self.view("--listen", address.split("/")[2], "--model", model)
-        self.wait("page of the viewer started again", lambda: self.text("status") == "crashed")
+        self.wait("page of the viewer started again", lambda: self.text("status").startswith("crashed at "))
 
         # The page must follow a new run that has the same name as the first run. In the new run, the laser is 500
         # times too weak.
@@ -177,8 +182,13 @@ class Page(live_view.LiveView):
         daemon.send_signal(signal.SIGINT)
         log = self.finish(daemon)
         self.assertEqual(daemon.returncode, 0, log)
-        self.wait("end of the run", lambda: self.text("status") == "complete")
-        self.assertIn("run has ended", self.text("lamp-spd"))
+        self.wait("end of the run", lambda: self.text("status").startswith("complete at "))
+        # After the end, a lamp shows the verdict on the whole run.
+        self.wait("verdict of the run", lambda: re.fullmatch(r"weak in \d+ of \d+ records", self.verdict("spd")))
+        self.assertRegex(self.text("doubts-text"), r"^complete at [\d:]+ UTC, \d+ records; .*SPD weak \d+.*; last at [\d:]+ UTC, record \d+$")
+        self.browser.find_element("id", "acknowledge").click()
+        self.assertRegex(self.text("doubts-text"), "; acknowledged$")
+        self.assertEqual(self.js("return document.getElementById('doubts').dataset.none"), "true")
         self.assertEqual(self.lamp("spd"), "look")
         # The difference view is available in a complete run, even if the run is short.
         self.wait("difference", lambda: not self.js("return document.getElementById('difference').disabled"))

@@ -1,32 +1,17 @@
 # SPDX-License-Identifier: MIT
-"""Builds the contents of a report as JSON, drawn by the scripts of the live page (recon/web):
-    {"title", "verdict", "fails": [text], "more": text, "origin": text, "span": [near_m, far_m],
-    "records": [record],
-     "first": [block], "sections": [{"id", "heading", "blocks": [block]}]}
-A block has a "kind"; recon/web/report.js has one function per kind. The units of
-packed values (base64) are 1 mm for depths (16 bits), 1 cm for deviations (8 bits) and 1/200 for
-relative depths ("share", 8 bits)."""
+"""Blocks of a report, and their HTML. A block is a dictionary with a "kind"."""
 from __future__ import annotations
 
-import base64
-import hashlib
-import json
-import pathlib
-import re
+import html
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ..runs import run_files
 
-__all__ = ["NONE", "PAGE", "Block", "add_series", "cell", "chart", "details", "fails", "html_of",
-           "listed", "packed", "paragraph", "pictures", "printable", "short", "table",
-           "three_digits"]
+__all__ = ["NONE", "Block", "cell", "details", "fails", "html_of", "listed", "paragraph",
+           "table", "three_digits"]
 
 Block = dict[str, Any]
-PAGE = pathlib.Path(__file__).resolve().parents[1] / "web"  # folder with the scripts and styles
 NONE = "\N{EN DASH}"
 
 
@@ -60,30 +45,6 @@ def details(summary: str, *blocks: Block) -> Block:
     return {"kind": "details", "summary": summary, "blocks": list(blocks)}
 
 
-def pictures(record: int, show: Sequence[str], caption: str, **more: Any) -> Block:
-    """Returns a block with pictures of page["records"][record]. `show` lists the pictures: "truth",
-    "spd", "radar", or "map", "error", "deviation" or "share" followed by the number of the
-    model."""
-    return {"kind": "pictures", "record": record, "show": list(show), "caption": caption} | more
-
-
-def chart(title: str, x: str, y: str, **more: Any) -> Block:
-    return {"kind": "chart", "title": title, "x": x, "y": y, "series": [], "rules": []} | more
-
-
-def add_series(block: Block, name: str, colour: str, look: str, x: Iterable[float],
-               y: Iterable[float]) -> None:
-    """Adds a curve to a chart; `look` is "dots", "points", "line", "marked" (line with points) or
-    "steps"."""
-    block["series"].append({"name": name, "colour": colour, "look": look, "x": [*map(short, x)],
-                          "y": [*map(short, y)]})
-
-
-def short(value: float) -> float | None:
-    """Rounds to five significant digits; returns None for NaN and infinity."""
-    return float(f"{value:.5g}") if np.isfinite(value) else None
-
-
 def three_digits(value: float) -> str:
     """Formats a value with three significant digits and a decimal prefix, e.g. "103 k"."""
     value = float(f"{value:.3g}")
@@ -92,40 +53,57 @@ def three_digits(value: float) -> str:
     return f"{value / size:.4g}{ending}"
 
 
-def packed(values: NDArray[Any], unit: float, kind: str) -> str:
-    """Encodes values in base64. Each value is divided by `unit`, clipped to the range of the
-    unsigned integer type `kind`, and rounded. NaN becomes 0."""
-    steps = np.clip(np.nan_to_num(values.astype(float) / unit), 0, np.iinfo(kind).max)
-    return base64.b64encode(np.floor(steps + 0.5).astype(kind).tobytes()).decode()
+def safe(text: Any) -> str:
+    """Escapes HTML, line breaks and other control characters."""
+    return html.escape(run_files.printable(str(text)))
 
 
-def printable(value: Any) -> Any:
-    """Escapes line breaks and other control characters in all strings."""
-    if isinstance(value, str):
-        return run_files.printable(value)
-    if isinstance(value, dict):
-        return {key: printable(part) for key, part in value.items()}
-    return [printable(part) for part in value] if isinstance(value, (list, tuple)) else value
+def element(tag: str, inner: str, look: str = "") -> str:
+    return f"<{tag} class=\"{look}\">{inner}</{tag}>" if look else f"<{tag}>{inner}</{tag}>"
 
 
-def html_of(page: Block) -> str:
-    """Returns the HTML page: recon/web/report.html with styles, scripts and data inserted."""
-    def read(name: str) -> str:
-        return (PAGE / name).read_text(encoding="utf-8")
+def table_of(block: Block) -> str:
+    head = block["head"]
 
-    # joins all modules into one script without import and export statements
-    scripts = "".join(re.sub(r"(?m)^export ", "", re.sub(r"import [^\n]*\n", "", read(name)))
-                      for name in ("charts.js", "maps.js", "cloud.js", "report.js"))
-    parts = {"styles": "\n" + "".join(read(name) + "\n"
-                                      for name in ("uPlot.min.css", "view.css", "report.css")),
-             "uplot": f"\n/*\n{read('uPlot.LICENSE')}*/\n{read('uPlot.iife.min.js')}\n",
-             "scripts": "\n" + scripts}
-    # Content security policy: the browser runs only scripts and styles with these hashes.
-    style, uplot, script = (
-        f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
-        for text in parts.values())
-    # Escapes "<", which could end the script element or begin a comment.
-    data = json.dumps(printable(page), ensure_ascii=False, separators=(",", ":"),
-                      allow_nan=False).replace("<", "\\u003c")
-    parts |= {"data": data, "style_hash": style, "script_hashes": f"{uplot} {script}"}
-    return re.sub(r"{{(\w+)}}", lambda found: parts[found[1]], read("report.html"))
+    def row(cells: Sequence[Any], tag: str) -> str:
+        out = ""
+        for i, (given, title) in enumerate(zip(cells, head)):
+            c = {"text": given} if isinstance(given, str) else given
+            inner = element("b" if "mark" in c else "span", safe(c["text"]), c.get("mark", ""))
+            # The page below the tables shows a record if a link to its number is opened.
+            inner += ", ".join(f"<a href=\"#{k}\">{k}</a>" for k in c.get("records", ()))
+            inner += ", ..." * c.get("more", False)
+            inner += element("small", safe(c["small"])) if "small" in c else ""
+            out += element("th" if i == 0 else tag, inner,
+                           "words" if isinstance(title, dict) and title.get("words") else "")
+        return out
+
+    first = len(block["rows"]) - block["baselines"]
+    body = "".join(element("tr", row(cells, "td"), "baseline" * (i >= first))
+                   for i, cells in enumerate(block["rows"]))
+    caption = element("caption", safe(block["caption"])) if block["caption"] else ""
+    return element("div", element("table", f"{caption}<thead><tr>{row(head, 'th')}</tr></thead>"
+                                           f"<tbody>{body}</tbody>"), "scroll")
+
+
+def html_of(blocks: Iterable[Block]) -> str:
+    out = ""
+    for block in blocks:
+        kind = block["kind"]
+        if kind == "table":
+            out += table_of(block)
+        elif kind == "fails":
+            out += element("ul", "".join(element("li", safe(text)) for text in block["items"]),
+                           "fail")
+        elif kind == "list":
+            out += element("dl", "".join(element("dt", safe(name)) + element("dd", safe(text))
+                                         for name, text in block["rows"]))
+        elif kind == "link":
+            out += element("p", f"<a href=\"{safe(block['text'])}\">{safe(block['text'])}</a>")
+        elif kind == "details":
+            out += element("details", element("summary", safe(block["summary"]))
+                           + html_of(block["blocks"]))
+        else:
+            out += element("p", safe(block["text"]), "" if kind == "text" else kind)
+        out += "\n"
+    return out

@@ -6,37 +6,33 @@ compares two models record by record, or summarises a recorded run.
     echofuse-report page --run scenes.sqlite --compare a.safetensors b.safetensors
     echofuse-report page --live monday.sqlite
 
-`echofuse-recon evaluate --json --per-record` computes the scores, and `echofuse-recon reconstruct`
-the maps."""
+`echofuse-recon evaluate --json --per-record` computes the scores, and `echofuse-view --save` writes
+the page of the run."""
 from __future__ import annotations
 
 import argparse
-import base64
 import datetime
+import json
 import os
 import pathlib
 import sqlite3
 import sys
-from collections.abc import Sequence
-from typing import NoReturn
+import tempfile
+from typing import Any, NoReturn
 
 import numpy as np
 
-from .. import __version__, runs
+from .. import __version__
 from ..bench.methods import version, writing
-from ..models.maps import span_of
 from ..models.model import read_safetensors
-from ..runs.batches import blocks as in_blocks
-from ..runs.programs import EXIT_CODES
+from ..runs import run_files
+from ..runs.programs import EXIT_CODES, call
 from ..runs.staged import replaced, stop_by_signal
-from ..runs.zones import summed
 from . import tables
-from .blocks import (Block, details, fails, html_of, listed, paragraph, pictures, printable,
-                     three_digits)
+from .blocks import Block, details, fails, html_of, listed, paragraph
 from .other_maps import OtherMaps, named_folders
-from .records import half_tangent, map_remarks, record_blocks, select_records
-from .scores import Evaluation, ReportModel, ReportError, Scores, evaluate, means_of, read_models
-from .story import Story, info_of
+from .scores import (Evaluation, ReportModel, ReportError, Scores, evaluate, lines_of, means_of,
+                     read_models)
 
 __all__ = ["main"]
 
@@ -61,16 +57,32 @@ TERMS = (
     ("SSIM, RMSE", "structural similarity and root mean square depth error of the whole map."))
 
 
-MAX_FAILING = 6  # maximum number of failing records shown with pictures
+MAX_PICTURED = 30  # maximum number of failing records on the saved page
+MARK = "<section id=\"report\" hidden></section>"  # place of the tables in the saved page
+
+
+def info_of(path: str) -> dict[str, Any]:
+    """Returns the JSON output of `echofuse-acquire info`."""
+    return dict(json.loads(call("echofuse-acquire", "info", "--json", path, ok=(0, 5)).stdout))
+
+
+def summary_of(info: dict[str, Any]) -> str:
+    """Returns e.g. "complete: 20 records, 19 with all three sensors"."""
+    n, whole = info["records"], info["all_valid"]
+    out = f"{info['status']}: {n} record{'' if n == 1 else 's'}"
+    out += f", {'all' if whole == n else whole} with all three sensors" if n else ""
+    out += f"; {info['incomplete']} without a required sensor" if info["incomplete"] else ""
+    return out + (f"; {info['doubts']}." if info["doubts"] else ".")
 
 
 class Report:
-    """Contents of the page: model scores, data of a recorded run as a function of time, and records
-    with maps."""
+    """Contents of the report: scores of models above the saved page of the scored run. If a
+    recorded run is given in addition, its page is a second file."""
 
     def __init__(self, args: argparse.Namespace) -> None:
         self.args, self.run = args, args.run or args.live
-        self.room = ["--empty", args.empty] if args.empty else []
+        self.options = [*(["--empty", args.empty] if args.empty else []),
+                        *(word for run in args.train for word in ("--train", run))]
         self.info = info_of(self.run)
         self.page = pathlib.Path(args.dir) / "report.html"
         if (not args.force and self.page.exists()
@@ -80,30 +92,22 @@ class Report:
                 "to overwrite it", 2)
         self.simulated = self.info["notes"].startswith("simulated")
         self.models: list[ReportModel] = []  # models with the same inputs are adjacent
-        self.main: list[Block] = []
-        self.gallery: list[Block] = []
-        self.failing: list[Block] = []
         self.others: OtherMaps | None = None
-        self.other_record: Block | None = None
         self.live: Evaluation | None = None
-        self.story: Story | None = None
-        self.span: Sequence[float] = (2.5, 5)
+        self.live_info = info_of(args.live) if args.live else None
         if args.model or args.compare:
             self.add_models()
         if args.maps:
-            self.others = OtherMaps(named_folders(args.maps), self.run, self.models, self.room)
-            self.other_record = self.others.record()
-            if not self.models:
-                self.span = self.others.span
-        if args.live:
-            self.add_live()
+            self.others = OtherMaps(named_folders(args.maps), self.run, self.models, self.options)
+        if self.models and args.live not in (None, self.run):
+            self.live = evaluate(self.models[0].files[:1], args.live, self.options)
         self.provenance = self.read_provenance()
 
     def add_models(self) -> None:
         compared = bool(self.args.compare)
         self.models = read_models(self.args.compare or self.args.model, compared)
         self.evaluation = evaluate([path for model in self.models for path in model.files],
-                                   self.run, self.room)
+                                   self.run, self.options)
         scores, paired = iter(self.evaluation.scores), iter(
             [{}, *(pair["metrics"] for pair in self.evaluation.result.get("paired", []))])
         for model in self.models:
@@ -112,41 +116,6 @@ class Report:
         if compared and not self.models[1].differences:
             raise ReportError(
                 "the models have different held-out records; choose a run that is new to both")
-        first = self.models[0]
-        self.span = self.evaluation.span(float(first.tensors["0/scene/background_m"].max()),
-                                         float(first.facts[0]["0/scene/map_z_max_m"]))
-        worst = [index for _, _, which in tables.failing(first.first) for index in which[:2]]
-        self.main, self.gallery, self.failing = select_records(
-            self.run, self.models, self.room, list(dict.fromkeys(worst))[:MAX_FAILING])
-        order = [colour for colour in ("both", "papers", "depth", "grey", "spd", "radar")
-                 if colour not in {model.inputs for model in self.models}]
-        #: colours of the models; the first model that uses only one sensor has the sensor's colour
-        self.colours = ["grey", "both"]
-        for at, model in enumerate([] if compared else self.models):
-            before = sum(other.inputs == model.inputs or other.both and model.both
-                         for other in self.models[:at])
-            self.colours[at:] = [order[min(before, len(order) - 1)] if model.both
-                                 or before else model.inputs]
-
-    def add_live(self) -> None:
-        """Adds a record of the recorded run: the record with the median IoU or, if the report has
-        no model, one of the records with valid data from the most sensors."""
-        self.story = Story(self.args.live)
-        if self.models and self.args.live != self.run:
-            self.live = evaluate(self.models[0].files[:1], self.args.live, self.room)
-            order = self.live.scores[0].order
-            found = record_blocks(self.args.live, [order[len(order) // 2]], self.models[:1],
-                                  self.live.scores, self.room)
-            caption = "The record with the median IoU in the recorded run."
-        else:
-            found = record_blocks(self.args.live, self.story.typical())
-            caption = ("A record from the middle of the run, among the records with data from the "
-                       "most sensors.")
-        # index None: the record is not from the scored run
-        index = {} if self.args.live == self.run else {"index": None}
-        self.main += [block | {"caption": caption} | index for block in found.values()]
-        self.span = self.span if self.models or self.others or not self.main else span_of(
-            np.frombuffer(base64.b64decode(self.main[0]["truth"]), "<u2") / 1000)
 
     @property
     def first(self) -> Scores:
@@ -158,9 +127,8 @@ class Report:
         simulated = "simulated" if self.simulated else "recorded"
         if not self.models and self.others:
             return self.others.verdict
-        if not self.models and self.story:
-            return ("The simulated run is " if self.simulated
-                    else "The run is ") + self.story.verdict
+        if not self.models:
+            return f"The {'simulated ' * self.simulated}run is {summary_of(self.info)}"
         if self.args.compare:
             return tables.comparison_verdict(self.models[1], simulated)
         facts = self.models[0].facts[0]
@@ -171,8 +139,9 @@ class Report:
     @property
     def live_problems(self) -> list[str]:
         out = tables.problems_of_run(self.live.scores[0], "Recorded run: ") if self.live else []
-        out += [f"Recorded run: {text}" for text in self.story.losses] if self.story else []
-        own_s, scored_s = (self.story or self).info["window_s"], self.info["window_s"]
+        if self.live_info and self.live_info["doubts"]:
+            out.append(f"Recorded run: {self.live_info['doubts']}.")
+        own_s, scored_s = (self.live_info or self.info)["window_s"], self.info["window_s"]
         if self.live and own_s != scored_s > 0:
             out.append(f"Recorded run: its slots last {own_s:g} s, but the slots of the scored "
                        f"run last {scored_s:g} s.")
@@ -182,6 +151,14 @@ class Report:
     def problems(self) -> list[str]:
         """Sentences that describe problems, the most serious problem first."""
         return self.live_problems + (tables.problems_of_run(self.first) if self.models else [])
+
+    @property
+    def remarks(self) -> list[str]:
+        """All other lines of text that `evaluate` returned."""
+        results = [found.result for found in (self.evaluation if self.models else None, self.live,
+                                              self.others and self.others.evaluation) if found]
+        told = " ".join(self.problems)
+        return [line for line in lines_of(results) if line not in told]
 
     def read_provenance(self) -> dict[str, str]:
         """Returns information about the program, the host, the run and the models, keyed by
@@ -200,18 +177,7 @@ class Report:
                "slot length": f"{info['window_s']:g} s" if info["window_s"] > 0 else "",
                "operator": info["operator"], "notes": info["notes"]} | info["meta"]
         if self.models:
-            with runs.open(self.run) as run:
-                clicks = [summed(part.photons())[part.valid["spd"]].sum(1)
-                          for _, part, _ in in_blocks(run)] if "spd" in run.axes else [np.zeros(0)]
-                counts = np.sort(np.concatenate(clicks))
-                half, size = (half_tangent(run),
-                              run.axes["map_x"].count if "map_x" in run.axes else 64)
-            low, middle, high = (three_digits(counts[int(share * len(counts))]) if len(counts)
-                                 else "" for share in (0.05, 0.5, 0.95))
-            out |= {"clicks per record": f"{middle} (median; 90 % of the records: {low} to {high})"
-                    if middle else "no detector",
-                    "maps": f"{size} x {size} pixels over ±{np.degrees(np.arctan(half)):.1f}°",
-                    "data CRC-32C": f"{self.evaluation.result['data_crc32c']:08x}",
+            out |= {"data CRC-32C": f"{self.evaluation.result['data_crc32c']:08x}",
                     "empty room": self.args.empty or "", "another room": self.evaluation.room_note}
         for path, facts in ((path, facts) for model in self.models
                             for path, facts in zip(model.files, model.facts)):
@@ -226,131 +192,86 @@ class Report:
     def origin(self) -> str:
         """One line with the date, the host, the program, the run and the command."""
         facts, name = self.provenance, os.path.basename
-        live = (f" Recorded run {name(self.story.path)}." if self.story
-                and self.story.path != self.run else "")
+        live = f" Recorded run {name(self.args.live)}." if self.live else ""
         command = " ".join(map(name, facts["command"].split()))
         return (f"{facts['date']}, {facts['host'].split()[0]}, {facts['program']}. Run "
                 f"{name(self.run)}{' (simulated)' * self.simulated} of "
                 f"{facts['recorded'][:20]}.{live} Command: "
                 f"{command if len(command) <= 160 else command[:160] + ' ...'}")
 
-    def first_pictures(self) -> Block:
-        """Returns pictures of the first record: the ground-truth map, and the maps of the first
-        model or of both compared models."""
-        record, count = self.main[0], 2 if self.args.compare else 1
-        text = record["caption"] + " " + "".join(map_remarks(block, count > 1)
-                                                 for block in record["maps"][:count])
-        text += (f"All maps on this page have the same depth scale, {self.span[0]:g} "
-                 f"to {self.span[1]:g} m. ")
-        return pictures(0, ["truth", *(f"{what} {m}" for what in ("map", "error")
-                                       for m in range(count))],
-                        text + "Errors: missed pixels are hatched, false pixels are dotted.",
-                        title=record["title"], compare=count > 1)
-
-    def record_blocks(self) -> list[Block]:
-        blur = ("Relative depth of each pixel, from 0 (background) to 1 (mean body); a pixel above "
-                "0.5 belongs to the body.")
-        if any(model.sensors.endswith("alone") for model in self.models):
-            blur += (" A single sensor does not determine whether the body is on the left or the "
-                     "right, so its maps are blurred.")
-        out = []
-        for i, record in enumerate(self.main):
-            show, maps = measured(record), record["maps"]
-            for m, block in enumerate(maps):
-                show += [f"map {m}", f"error {m}",
-                         *([f"deviation {m}"] if "deviation" in block else [])]
-            text = record["caption"] + " " + "".join(map_remarks(block, len(maps) > 1)
-                                                     for block in maps)
-            text += ("The uncertainty is the standard deviation of the depth; it is large where "
-                     "a pixel may belong to the body or to the background.")
-            out.append(details(record["title"], pictures(i, show, text),
-                               pictures(i, ["truth", *(f"share {m}" for m in range(len(maps)))],
-                                        blur, whole=True)))
-        return out
+    def pictured(self) -> list[int]:
+        """Returns the records that the page must contain: the worst, the median and the best one
+        of the first model, and its failing records."""
+        if not self.models:
+            return []
+        order = self.first.order
+        ends = [order[int(share * (len(order) - 1))] for share in (0, 0.5, 1)]
+        failing = [index for _, _, which in tables.failing(self.first) for index in which[:8]]
+        return list(dict.fromkeys([*ends, *failing]))[:MAX_PICTURED]
 
     def failures(self) -> list[Block]:
-        first = len(self.main) + len(self.gallery)
-        live = self.live.scores if self.live else []
-        rows = [(model.title, model.first)
-                for model in self.models] + [(f"recorded run: {self.models[0].title}", scores)
-                                           for scores in live]
-        return [*fails(self.problems), tables.failures_table(self.models[0]),
-                *([details("Maps of failing records", {"kind": "columns", "blocks": [
-                    pictures(first + i, ["truth", "map 0", "error 0"],
-                             map_remarks(record["maps"][0], False), title=record["title"])
-                    for i, record in enumerate(self.failing)]})] if self.failing else []),
-                tables.uncertainty_table(rows),
-                *([paragraph(f"{self.first.outside}.")] if self.first.outside else []),
-                *(paragraph(f"Scored run: {text}.") for text in self.first.remarks),
-                *(paragraph(f"Recorded run: {text}.") for scores in live
-                  for text in scores.remarks)]
+        rows = [(model.title, model.first) for model in self.models]
+        rows += [(f"recorded run: {self.models[0].title}", scores)
+                 for scores in (self.live.scores if self.live else [])]
+        return [tables.failures_table(self.models[0]), tables.uncertainty_table(rows),
+                *([paragraph(f"{self.first.outside}.")] if self.first.outside else [])]
 
-    def live_blocks(self, story: Story) -> list[Block]:
-        between, last = [], len(self.main) - 1
-        if self.live:
-            rows = [tables.Row(self.models[0].title, means_of(self.live.result["metrics"]),
-                               self.live.scores[0]), *tables.rows_of([], self.live.result)]
-            caption = (f"{self.live.result['records']} records of the recorded run, compared with "
-                       "the maps of its depth camera")
-            between = [*fails(self.live_problems), tables.metrics_table(rows, caption)]
-        shown = [pictures(last, [*measured(record),
-                                 *(["map 0", "error 0"] if record["maps"] else [])],
-                          record["caption"], title=record["title"]) for record in self.main[last:]]
-        return story.blocks(between, shown)
+    def live_blocks(self, live: Evaluation) -> list[Block]:
+        rows = [tables.Row(self.models[0].title, means_of(live.result["metrics"]), live.scores[0]),
+                *tables.rows_of([], live.result)]
+        return [paragraph(f"{self.args.live}: {summary_of(info_of(self.args.live))}"),
+                paragraph("live.html", "link"), *fails(self.live_problems), tables.metrics_table(
+                    rows, f"{live.result['records']} records of the recorded run, compared with "
+                          "the maps of its depth camera")]
 
-    def to_json(self) -> Block:
-        """Returns the contents of the page in the format of blocks.py."""
-        problems, most, models, compared = self.problems, 4, self.models, bool(self.args.compare)
-        records = [*self.main, *self.gallery, *self.failing,
-                   *([self.other_record] if self.other_record else [])]
-        page: Block = {"title": "Two models on the same records" if compared
-                       else "Depth maps from one pixel and one radar" if models or self.others else
-                       "A recorded run", "verdict": self.verdict, "fails": problems[:most],
-                       "more": "", "origin": self.origin,
-                       "span": list(self.span), "records": records, "first": [], "sections": []}
-        if models:
-            page["more"] = (f"Details, and {len(problems) - most} more problems"
-                            if len(problems) > most else "Details") * bool(problems)
-            page["first"] = [self.first_pictures()] * bool(self.main) + [
-                tables.first_table(models, self.evaluation.result)]
-        elif self.others:
-            page["first"] = self.others.table()[:1]
-        columns = [pictures(len(self.main) + i, ["truth", "map 0", "error 0"],
-                            map_remarks(record["maps"][0], False), title=record["title"])
-                   for i, record in enumerate(self.gallery)]
-        sections = (("failures", "Failures", self.failures), ("difference", "Difference",
-                     lambda: tables.comparison(*models) if compared else []),
-                    ("gallery", "Worst, median and best record",
-                     lambda: [{"kind": "columns", "blocks": columns}]),
-                    ("errors", "Error distributions",
-                     lambda: [tables.errors(models, self.colours)]),
-                    ("labels", "By label", lambda: tables.labels_table(models[0])),
-                    ("metrics", "All metrics", 
-                     lambda: tables.all_table(models, self.evaluation.result)),
-                    ("maps", "Maps of other programs",
-                     lambda: self.others.blocks(len(records) - 1, self.other_record)
-                     if self.others else []), ("cost", "Cost", lambda: [tables.cost_table(models)]),
-                    ("records", "Records and maps", self.record_blocks),
-                    ("space", "3D view", lambda: [{"kind": "cloud", "record": 0}] if self.main
-                     else []), ("live", "Recorded run",
-                     lambda: self.live_blocks(self.story) if self.story else []),
-                    ("training", "Training", lambda: tables.losses(models)),
-                    ("made", "Provenance", lambda: listed(self.provenance.items())),
-                    ("terms", "Terms", lambda: listed(TERMS)))
-        for name, heading, blocks in sections:
-            if (models or name in ("maps", "live", "made")) and (found := blocks()):
-                page["sections"].append({"id": name, "heading": heading, "blocks": found})
-        return page
+    def blocks(self) -> list[Block]:
+        """Returns the part of the report above the page of the run."""
+        models, out = self.models, [paragraph(self.verdict, "verdict"), *fails(self.problems),
+                                    paragraph(self.origin, "quiet")]
+        order = self.first.order if models else []
+        if order:
+            out += [tables.first_table(models, self.evaluation.result), {
+                "kind": "table", "caption": "", "baselines": 0, "head": ["IoU of the first model",
+                "record"], "rows": [[title, {"text": "", "records": [index]}] for title, index in
+                zip(("lowest", "median", "highest"), self.pictured())]}]
+        sections = [("Failures", self.failures if models else None),
+                    ("Difference", (lambda: tables.comparison(*models)) if self.args.compare
+                     else None),
+                    ("By label", (lambda: tables.labels_table(models[0])) if models else None),
+                    ("All metrics", (lambda: tables.all_table(models, self.evaluation.result))
+                     if models else None),
+                    ("Maps of other programs", self.others.table if self.others else None),
+                    ("Cost", (lambda: [tables.cost_table(models)]) if models else None),
+                    ("Recorded run", (lambda: self.live_blocks(self.live)) if self.live else None),
+                    ("Remarks", lambda: [paragraph(f"{line}.") for line in self.remarks]),
+                    ("Provenance", lambda: listed(self.provenance.items())),
+                    ("Terms", (lambda: listed(TERMS)) if models else None)]
+        return out + [details(heading, *found) for heading, blocks in sections
+                      if blocks and (found := blocks())]
 
-
-def measured(record: Block) -> list[str]:
-    """Returns the kinds of pictures of a record that require no model."""
-    return ["truth", *(sensor for sensor in ("spd", "radar") if record[sensor]["count"] > 0)]
+    def write(self) -> None:
+        """Writes the pages."""
+        # `echofuse-view` cannot adapt a model to another room, so the page shows no maps then.
+        model = ["--model", self.models[0].files[0]] if self.models and not self.args.empty else []
+        records = [word for index in self.pictured() for word in ("--records", index)]
+        with writing(self.page), tempfile.TemporaryDirectory(prefix="echofuse-report-") as folder:
+            pages = {self.page: (self.run, records, html_of(self.blocks()))}
+            if self.live:
+                pages[self.page.with_name("live.html")] = (self.args.live, [], "")
+            for k, (page, (run, words, text)) in enumerate(pages.items()):
+                saved = pathlib.Path(folder) / f"{k}.html"
+                call("echofuse-view", "--save", saved, run, *model, *words)
+                whole = saved.read_text(encoding="utf-8")
+                page.parent.mkdir(parents=True, exist_ok=True)
+                with replaced(page) as new:
+                    new.write_text(whole.replace(MARK, f"<section id=\"report\">\n{text}</section>")
+                                   if text else whole, encoding="utf-8")
 
 
 def require(args: argparse.Namespace) -> None:
     """Raises ReportError with exit code 2 if options are missing or cannot be combined."""
     for wrong, text in ((args.empty and not args.run, "--empty requires --run"),
+                        (args.train and not args.run, "--train requires --run"),
                         (args.model and args.compare, "--compare cannot be combined with --model"),
                         (not args.run and args.compare, "--compare requires --run"),
                         (not args.run and args.maps, "--maps requires --run"),
@@ -362,13 +283,6 @@ def require(args: argparse.Namespace) -> None:
                          "nothing to report: give --run with models, or --live")):
         if wrong:
             raise ReportError(text, 2)
-
-
-def write_page(page: pathlib.Path, text: str) -> None:
-    with writing(page):
-        page.parent.mkdir(parents=True, exist_ok=True)
-        with replaced(page) as new:
-            new.write_text(text, encoding="utf-8")
 
 
 class Parser(argparse.ArgumentParser):
@@ -400,6 +314,9 @@ def main() -> None:
     parser.add_argument("--live", metavar="RUN",
                         help="report the events and the missing data of this recorded run; with "
                              "--model, also show its depth maps")
+    parser.add_argument("--train", metavar="RUN", nargs="+", action="extend", default=[],
+                        help="training runs, which define the foreground and the background and "
+                             "provide the neighbours of the nearest-neighbour baseline")
     parser.add_argument("--empty", metavar="RUN",
                         help="run recorded in the empty room; only needed if the room differs from "
                              "the training room")
@@ -410,11 +327,11 @@ def main() -> None:
         args = parser.parse_args()
         require(args)
         report = Report(args)
-        write_page(report.page, html_of(report.to_json()))
+        report.write()
     except (KeyboardInterrupt, RuntimeError, ValueError, OSError, sqlite3.Error) as error:
         if stopped:
             sys.exit(130)
-        print(f"echofuse-report: {printable(str(error))}", file=sys.stderr)
+        print(f"echofuse-report: {run_files.printable(str(error))}", file=sys.stderr)
         sys.exit(getattr(error, "code", 1))
-    remarks = report.first.remarks if report.models else []
-    print("\n".join(map(printable, (report.verdict, *report.problems, *remarks, str(report.page)))))
+    print("\n".join(map(run_files.printable, (report.verdict, *report.problems, *report.remarks,
+                                              str(report.page)))))

@@ -18,9 +18,10 @@ from ..models.model import read_safetensors
 from ..runs.programs import BenchError, call
 
 __all__ = ["Count", "Evaluation", "Mean", "Means", "ReportError", "ReportModel", "Scores",
-           "Values", "evaluate", "means_of", "read_models", "sensors_of"]
+           "Values", "evaluate", "lines_of", "means_of", "read_models", "sensors_of"]
 
 Values = NDArray[np.float64]
+NAMES = ("inputs", "model", "name", "schema")  # strings in the output of `evaluate` that are names
 
 
 class ReportError(BenchError):
@@ -31,13 +32,13 @@ class Mean(NamedTuple):
     """Mean of a metric over maps."""
 
     mean: float = np.nan
-    se: float = np.nan  # standard error; NaN for fewer than two maps
+    se: float = np.nan  # standard error; NaN for fewer than three values
     maps: int = 0  # number of maps for which the metric is defined
 
     @classmethod
     def of(cls, values: Values) -> Mean:
         known = values[~np.isnan(values)]
-        return cls(known.mean(), known.std(ddof=1) / np.sqrt(len(known)) if len(known) > 1
+        return cls(known.mean(), known.std(ddof=1) / np.sqrt(len(known)) if len(known) > 2
                    else np.nan, len(known)) if len(known) else cls()
 
 
@@ -80,6 +81,17 @@ class Count:
         return cls(int(holds[valid].sum()), int(valid.sum()))
 
 
+def lines_of(result: Any, name: str = "") -> list[str]:
+    """Returns every line of text in the JSON output of `evaluate`, without repetitions."""
+    if isinstance(result, dict):
+        parts = [line for key, part in result.items() for line in lines_of(part, key)]
+    elif isinstance(result, list):
+        parts = [line for part in result for line in lines_of(part, name)]
+    else:
+        parts = result.splitlines() if isinstance(result, str) and name not in NAMES else []
+    return list(dict.fromkeys(parts))
+
+
 @dataclass
 class Scores:
     """Scores of one model on the records of a run."""
@@ -100,18 +112,10 @@ class Scores:
         return self.result.get("domain_shift") or {}
 
     @property
-    def remarks(self) -> list[str]:
-        """Messages from `evaluate` that do not report problems, e.g. about assumptions."""
-        texts = [*(self.result.get(key) for key in ("note", "antennas", "response", "ranges")),
-                 self.result.get("two_people", {}).get("text")]
-        return [text for text in ("" if self.shift.get("found") else self.shift.get("text"),
-                                  *texts) if text]
-
-    @property
     def notes(self) -> list[str]:
-        """Messages from `evaluate` that are not in `remarks`, e.g. about excluded records or about
-        ground-truth maps that contradict the sensors."""
-        known = [self.shift.get("text"), *self.remarks]
+        """Problems reported by `evaluate`, e.g. excluded records, or ground-truth maps that
+        contradict the sensors."""
+        known = [self.shift.get("text"), *lines_of(self.result | {"notes": "", "rows": []})]
         return [line for line in self.result["notes"].splitlines() if line not in known]
 
     @property
@@ -146,20 +150,12 @@ class Evaluation(NamedTuple):
     result: dict[str, Any]  # JSON output of `evaluate`
     room_note: str  # stderr of `evaluate`, e.g. a warning about a different room
 
-    def span(self, wall: float, far_m: float) -> tuple[float, float]:
-        """Returns the limits of the common depth scale of all maps, m, with a margin. `wall` is the
-        maximum depth of the background."""
-        body = float(self.result["foreground_depth_m"])
-        near = max(0.0, float(np.floor(2 * (body - 1)) / 2))
-        return near, float(np.clip(np.ceil(2 * max(body + 1, wall)) / 2, near + 1,
-                                   max(near + 1, far_m)))
 
-
-def evaluate(models: Sequence[str], run: str, room: Sequence[str],
+def evaluate(models: Sequence[str], run: str, options: Sequence[str],
              folders: Sequence[str] = ()) -> Evaluation:
     """Scores the maps in the folders, and then the models, on the records that have all required
-    sensors. `room` is [] or ["--empty", RUN]."""
-    words = [*models, run, *room, *(word for folder in folders for word in ("--maps", folder))]
+    sensors. `options` may contain --empty and --train."""
+    words = [*models, run, *options, *(word for folder in folders for word in ("--maps", folder))]
     with tempfile.TemporaryDirectory(prefix="echofuse-report-") as folder:
         out = pathlib.Path(folder) / "records.csv"
         done = call("echofuse-recon", "-q", "evaluate", *words, "--json", "--per-record", out,
@@ -216,7 +212,8 @@ class ReportModel:
         trained only once, over the maps."""
         all_means = [means_of(s.result["metrics"]) for s in self.scores]
         return all_means[0] if len(all_means) == 1 else Means(
-            {m: Mean.of(np.array([means[m].mean for means in all_means])) for m in all_means[0]})
+            {m: Mean.of(np.array([means[m].mean for means in all_means]))._replace(
+                maps=min(means[m].maps for means in all_means)) for m in all_means[0]})
 
 
 def sensors_of(facts: dict[str, Any]) -> str:

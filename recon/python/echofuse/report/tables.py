@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Builds sentences, tables and charts about the models of a report. Most of them describe the first
+"""Builds sentences and tables about the models of a report. Most of them describe the first
 model."""
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .blocks import NONE, Block, add_series, cell, chart, paragraph, table, three_digits
-from .scores import Count, Evaluation, Mean, Means, ReportModel, Scores, Values, means_of
+from .blocks import NONE, Block, cell, paragraph, table, three_digits
+from .scores import Count, Evaluation, Mean, Means, ReportModel, Scores, means_of
 
 __all__ = ["FIRST", "METRICS", "Row", "all_table", "best_of", "comparison", "comparison_verdict",
-           "cost_table", "differences_table", "errors", "failing", "failures_table", "first_table",
-           "labels_table", "losses", "metrics_table", "models_verdict", "plus_minus",
+           "cost_table", "differences_table", "failing", "failures_table", "first_table",
+           "labels_table", "metrics_table", "models_verdict", "plus_minus",
            "problems_of_run", "rows_of", "uncertainty_table", "value"]
 
 
@@ -50,6 +50,7 @@ METRICS = {"iou": MetricFormat("IoU", "", 1, 2, "more"),
            "ssim_fg": MetricFormat("SSIM near the body", "", 1, 2, "more")}
 FIRST = ("iou", "lateral_m", "depth_mae_m")  # metrics at the top of the page
 PAIRED = ("iou", "lateral_m", "depth_mae_m", "ssim_fg", "ssim_hard", "rmse_m", "ghost")
+FEW = 10  # minimum number of maps of a score that is marked as the best
 BASELINES = {"empty": "empty room", "mean": "mean of the training maps",
              "nearest": "nearest training record"}
 # SSIM that Lai et al. reported for their network, Chin. Opt. Lett. 22, 022701 (2024).
@@ -97,16 +98,13 @@ def comparison_verdict(second: ReportModel, simulated: str) -> str:
 
 def models_verdict(models: Sequence[ReportModel], evaluation: Evaluation, simulated: str,
                    new_run: bool) -> str:
-    """Returns a summary with the scores of the first model and of the best baseline, and with the
-    metrics for which a second model is better. Ignores baselines with IoU 0."""
+    """Returns a summary with the scores of the first model and of the measured baselines, and with
+    the metrics for which a second model is better."""
     own = models[0]
     second = "".join(f"{model.short} with the same inputs: {plus_minus(model.means, 'iou')}; "
                      for model in models[1:] if len(models) == 2 and model.sensors == own.sensors)
-    baselines = [(title, means) for title, means in baselines_of(evaluation.result)
-                 if means["iou"].mean > 0.01]
-    best, means = max(baselines, key=lambda pair: pair[1]["iou"].mean, default=("", Means()))
-    baseline = (f"best baseline, {best}: {plus_minus(means, 'iou')}" if best
-                else "all baselines have IoU 0")
+    baseline = "baselines: " + ", ".join(f"{title} {plus_minus(means, 'iou')}" for title, means
+                                         in baselines_of(evaluation.result))
     out = (f"{own.title}, on {len(own.first.index)} {simulated} "
            f"records{' of a new run' if new_run else ' held out in the training'}: "
            f"IoU {plus_minus(own.means, 'iou')} ({second}{baseline})")
@@ -167,8 +165,10 @@ def equal_within_errors(a: Row, b: Row, metric: str) -> bool:
 
 
 def best_of(rows: Sequence[Row], metric: str) -> list[bool]:
-    """For each row, returns whether it is the best row or does not differ significantly from it."""
-    defined = [row.means[metric].maps > 0 for row in rows]
+    """For each row, returns whether it is the best row or does not differ significantly from it.
+    Ignores scores of few maps."""
+    most = max((row.means[metric].maps for row in rows), default=0)
+    defined = [row.means[metric].maps >= max(FEW, most / 2) for row in rows]
     best = min((row for row, is_defined in zip(rows, defined) if is_defined),
                key=lambda row: loss(metric, row.means[metric].mean), default=None)
     return [is_defined and best is not None and equal_within_errors(row, best, metric)
@@ -329,100 +329,16 @@ def uncertainty_table(rows: Sequence[tuple[str, Scores]]) -> Block:
                  [row(*pair) for pair in rows])
 
 
-# Functions that return charts
-
-
-def shares_below(values: Values) -> tuple[Values, Values]:
-    """Returns the empirical distribution: at most 200 sorted values and, for each of them, the
-    percentage of all values that do not exceed it."""
-    values = np.sort(values[~np.isnan(values)])
-    at = np.arange(0, len(values), len(values) // 200 + 1)
-    return values[at], 100 * (at + 1) / max(len(values), 1)
-
-
-def distribution(models: Sequence[ReportModel], colours: Sequence[str], metric: str,
-                 title: str, x: str, **more: Any) -> Block:
-    out = chart(title, x, "records below (%)", span=[0, 100], **more)
-    for model, colour in zip(models, colours):
-        add_series(out, model.short, colour, "line",
-                   *shares_below(METRICS[metric].scale * model.first[metric]))
-    out["note"] = "; ".join(f"{model.short}: {(~np.isnan(model.first[metric])).sum()} records"
-                            for model in models) + "."
-    return out
-
-
-def error_chart(models: Sequence[ReportModel], colours: Sequence[str], title: str, x: str,
-                place: str) -> Block:
-    """Returns a chart with the lateral errors of the first model as dots. For each model with at
-    least 40 records, the chart also contains the medians of up to 8 equally large groups of
-    records."""
-    def pairs(model: ReportModel) -> Values:
-        points = np.column_stack([model.first[place], 100 * model.first["lateral_m"]])
-        points = points[~np.isnan(points).any(1)]
-        return np.asarray(points[np.lexsort((points[:, 1], points[:, 0]))])
-
-    out, own, groups = chart(title, x, "lateral error (cm)", log=True), pairs(models[0]), 0
-    add_series(out, "record", colours[0], "dots", *own.T)
-    for model, colour in zip(models, colours):
-        found = pairs(model)
-        parts = min(len(found) // 10, 8)
-        if parts >= 4:
-            edges = [g * len(found) // parts for g in range(parts + 1)]
-            middles = [np.sort(found[a:b], 0)[(b - a) // 2] for a, b in zip(edges, edges[1:])]
-            add_series(out, model.short, colour, "marked", *np.array(middles).T)
-            groups = max(groups, parts)
-    out["note"] = f"Dots: {len(own)} records of {models[0].title}. " + (
-        f"Lines: medians of {groups} groups of about {len(own) // groups} records." if groups
-        else "Too few records for medians.")
-    return out
-
-
-def errors(models: Sequence[ReportModel], colours: Sequence[str]) -> Block:
-    return {"kind": "charts", "blocks": [
-        error_chart(models, colours, "Lateral error against range", "range (m)", "range_m"),
-        error_chart(models, colours, "Lateral error against x", "x, right of the SPD (m)",
-                    "side_m"),
-        distribution(models, colours, "lateral_m", "Distribution of the lateral error",
-                     "lateral error (cm)", log_x=True),
-        distribution(models, colours, "iou", "Distribution of the IoU", "IoU")]}
-
-
-def losses(models: Sequence[ReportModel]) -> list[Block]:
-    """Returns charts of the training and validation losses by epoch."""
-    out = []
-    for model in models:
-        training, validation = (model.tensors[f"0/training/{name}loss_m"].ravel()
-                                for name in ("", "validation_"))
-        if len(training) < 2:
-            continue
-        out.append(chart(model.title, "epoch", "loss (rms, unit of the model)", log=True))
-        for name, colour, curve in (("training", "grey", training),
-                                    ("validation", "both", validation)):
-            add_series(out[-1], name, colour, "line", np.arange(1, len(curve) + 1), curve)
-        if best := model.facts[0]["0/training/best_epoch"]:
-            out[-1]["rules"].append({"at": best, "name": "best"})
-    return [{"kind": "charts", "blocks": out}] if out else []
-
-
 def comparison(a: ReportModel, b: ReportModel) -> list[Block]:
     """Compares two models record by record. A gain is positive if the second model is better."""
-    rows, charts = [], []
+    rows = []
     for form, d in ((METRICS[m], b.differences[m]) for m in PAIRED if m in b.differences):
         better = cell(better_of(d), "", "good") if better_of(d) else "not significant"
         rows.append([form.title, str(d["records"]), form.text(d["first"], 1),
                      form.text(d["second"], 1),
                      f"{form.scale * d['mean']:+.{form.decimals + 1}f}", interval(d, form), better])
-    for metric, name, unit in (("iou", "gain in IoU", 1),
-                               ("lateral_m", "reduction of the lateral error (cm)", -100)):
-        gain = unit * (b.first[metric] - a.first[metric])
-        gain = gain[~np.isnan(gain)]
-        charts.append(chart(f"{len(gain)} records", name, "records below (%)",
-                            span=[0, 100], rules=[{"at": 0, "name": "equal"}],
-                            note="The second model is better for the records to the right of the "
-                                 f"line: {Count(int((gain > 0).sum()), len(gain))}."))
-        add_series(charts[-1], "all records", "both", "steps", *shares_below(gain))
     return [paragraph(f"First model: {a.title}. Second model: {b.title}."),
             table("Paired by record; 95 % intervals from resampling blocks of up to ten "
                   "neighbouring records", ["metric", "records", "first", "second",
                    cell("difference", "positive: the second model is better"), "95 % interval",
-                   "better"], rows), {"kind": "charts", "blocks": charts}]
+                   "better"], rows)]

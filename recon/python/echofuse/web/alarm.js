@@ -3,7 +3,7 @@
 // is on.
 const repeatS = 10;
 
-export class Alarm {
+class Alarm {
   constructor(id) {
     this.button = document.getElementById(id);
     this.known = new Set(), this.last = -Infinity;

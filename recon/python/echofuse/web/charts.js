@@ -1,28 +1,27 @@
 // SPDX-License-Identifier: MIT
 // Draws charts with uPlot: the histogram, the range profile, the waterfalls, and the curves over the run.
 /* global uPlot */
-export const metresPerPs = 299792458 / 2e12;
-export const colour = name => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+const metresPerPs = 299792458 / 2e12;
+const colour = name => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 // Returns the font size of charts, px. The key f toggles between normal and large type.
-export const textSize = () => parseFloat(colour('--chart-text'));
-export const text = () => `${textSize()}px ${getComputedStyle(document.body).fontFamily}`;
+const textSize = () => parseFloat(colour('--chart-text'));
+const text = () => `${textSize()}px ${getComputedStyle(document.body).fontFamily}`;
 
-export const axis = (label, more = {}) => ({
+const axis = (label, more = {}) => ({
   label, font: text(), labelFont: text(), stroke: colour('--ink'), labelSize: label ? textSize() + 5 : 0, labelGap: 0,
   size: 2 * textSize(), gap: 3,
   grid: {stroke: colour('--grid'), width: 1}, ticks: {stroke: colour('--grid'), width: 1, size: 4}, ...more,
 });
-export const siNumber = v => Math.abs(v) >= 1e6 ? `${+(v / 1e6).toPrecision(3)}M`
+const siNumber = v => Math.abs(v) >= 1e6 ? `${+(v / 1e6).toPrecision(3)}M`
   : Math.abs(v) >= 1e3 ? `${+(v / 1e3).toPrecision(3)}k` : `${+v.toPrecision(3)}`;
-export const short = (_, values) => values.map(v => v == null ? '' : siNumber(v));
+const short = (_, values) => values.map(v => v == null ? '' : siNumber(v));
 
 // A chart that fills its element. It is recreated when its style changes.
-export class Chart {
+class Chart {
   constructor(id, height) {
     this.at = document.getElementById(id);
     this.height = height;
     this.data = null;
-    this.gaps = [], this.rules = [];  // gaps: shaded intervals of x; rules: labelled lines {at, name, across}
     new ResizeObserver(() => this.plot?.setSize(this.size())).observe(this.at);
   }
   size() {
@@ -35,25 +34,19 @@ export class Chart {
                            hooks: {drawClear: [u => this.under(u)]}, ...this.options()},
                           this.data ?? [[]], this.at);
   }
-  // Draws shaded gaps and labelled lines behind the curves.
+  // Draws the cursors {at, name} behind the curves.
   under(u) {
     const c = u.ctx, {left, top, width, height} = u.bbox, at = x => u.valToPos(x, 'x', true), ratio = devicePixelRatio;
     c.save();
     c.beginPath(), c.rect(left, top, width, height), c.clip();
-    c.fillStyle = colour('--bad-paper');
-    for (const [first, last] of this.gaps) c.fillRect(at(first), top, Math.max(at(last) - at(first), ratio), height);
     c.strokeStyle = c.fillStyle = colour('--ink');
     c.font = `${textSize() * ratio}px ${getComputedStyle(document.body).fontFamily}`;
     c.lineWidth = ratio, c.setLineDash([4 * ratio, 3 * ratio]);
-    for (const {at: value, name, across} of [...this.rules, ...this.marks ?? []]) {
-      const room = 4 * ratio, y = across && u.valToPos(value, 'y', true);
-      const right = !across && at(value) + room + c.measureText(name).width > left + width;
-      c.beginPath();
-      if (across) c.moveTo(left, y), c.lineTo(left + width, y);
-      else c.moveTo(at(value), top), c.lineTo(at(value), top + height);
-      c.stroke();
+    for (const {at: value, name} of this.marks ?? []) {
+      const room = 4 * ratio, right = at(value) + room + c.measureText(name).width > left + width;
+      c.beginPath(), c.moveTo(at(value), top), c.lineTo(at(value), top + height), c.stroke();
       c.textAlign = right ? 'right' : 'left';
-      c.fillText(name, across ? left + room : at(value) + (right ? -room : room), across ? y - room : top + height - 1.2 * textSize() * ratio);
+      c.fillText(name, at(value) + (right ? -room : room), top + height - 1.2 * textSize() * ratio);
     }
     c.restore();
   }
@@ -64,14 +57,14 @@ export class Chart {
   }
 }
 
-export function save(blob, name) {
+function save(blob, name) {
   const link = Object.assign(document.createElement('a'), {href: URL.createObjectURL(blob), download: name});
   link.click();
   setTimeout(() => URL.revokeObjectURL(link.href), 1000);
 }
 
 // Units of the range axis of the histogram and the profile: metres, or nanoseconds of two-way time.
-export const units = {m: {name: 'range, m', perM: 1, words: m => `${m.toFixed(2)} m`, width: m => `${+(100 * m).toPrecision(3)} cm`},
+const units = {m: {name: 'range, m', perM: 1, words: m => `${m.toFixed(2)} m`, width: m => `${+(100 * m).toPrecision(3)} cm`},
                       ns: {name: 'two-way time, ns', perM: 1e-3 / metresPerPs, words: m => `${(m * 1e-3 / metresPerPs).toFixed(2)} ns`,
                            width: m => `${+(m * 1e-3 / metresPerPs).toPrecision(3)} ns`}};
 
@@ -184,9 +177,9 @@ function calmTop(before, values, least) {
 const ofTen = v => Number.isInteger(+Math.log10(v).toFixed(9)) ? v : null;
 const floor = 0.5;  // lower end of the logarithmic axis, clicks
 
-export class Histogram extends Bench {
-  constructor(id = 'histogram') {
-    super(id, 230);
+class Histogram extends Bench {
+  constructor() {
+    super('histogram', 230);
     this.column = 'clicks';
     this.log = this.difference = false;
     this.held = this.reference = this.counts = null;
@@ -237,9 +230,9 @@ export class Histogram extends Bench {
   }
 }
 
-export class Profile extends Bench {
-  constructor(id = 'profile') {
-    super(id, 170);
+class Profile extends Bench {
+  constructor() {
+    super('profile', 170);
     this.column = 'db_over_median';
   }
   axes(a) {
@@ -296,7 +289,7 @@ class Strip extends Chart {
   }
 }
 // Formats seconds as m:ss or h:mm:ss, as in the terminal output.
-export const clock = s => {
+const clock = s => {
   if (s == null) return '–';
   const whole = Math.max(0, Math.floor(s)), two = n => String(n).padStart(2, '0');
   const minutes = Math.floor(whole / 60) % 60;
@@ -304,12 +297,11 @@ export const clock = s => {
 };
 const times = {incrs: [1, 2, 5, 10, 20, 30, ...[1, 2, 5, 10, 20, 30, 60, 120, 180, 360, 720, 1440].map(min => 60 * min)], space: 70,
                values: (_, at) => at.map(clock)};
-// Signal of one sensor as a function of range and time (or direction). Bright colours mean high values; missing data
+// Signal of one sensor as a function of range and time. Bright colours mean high values; missing data
 // are blank.
-export class Waterfall extends Chart {
-  constructor(id, height = 150, x = {...times}, label = '') {
-    super(id, height);
-    Object.assign(this, {x, label});
+class Waterfall extends Chart {
+  constructor(id) {
+    super(id, 150);
   }
   // image: one column per record, with the farthest range at the top. span: the start of the first column and the end
   // of the last column. table: colour map. ends: labels at both ends of the colour bar.
@@ -321,7 +313,7 @@ export class Waterfall extends Chart {
     return {
       cursor: {show: false}, padding: [6, 30 + 4 * textSize(), 4, 0],
       scales: {x: {time: false, range: () => this.span}, y: {range: () => [0, this.farthest]}},
-      axes: [axis(this.label, {...this.x, grid: {show: false}}), axis('range, m', {values: short, size: 52, grid: {show: false}})], series: [{}, {points: {show: false}}],
+      axes: [axis('', {...times, grid: {show: false}}), axis('range, m', {values: short, size: 52, grid: {show: false}})], series: [{}, {points: {show: false}}],
     };
   }
   under(u) {
@@ -340,7 +332,7 @@ export class Waterfall extends Chart {
   }
 }
 // A single quantity as a function of time, e.g. a temperature.
-export class Curve extends Chart {
+class Curve extends Chart {
   constructor(id) {
     super(id, 64);
   }
@@ -352,25 +344,24 @@ export class Curve extends Chart {
   }
 }
 class Clocks extends Chart {
-  constructor(x) {
+  constructor() {
     super('strip-clock', 104);
-    this.x = x;
   }
   options() {
     const line = sensor => ({stroke: colour(`--${sensor}`), width: 2, points: {show: false}});
     return {
       scales: {x: {time: false}, y: fromZero},
-      axes: [axis(this.x, this.x === 'time' ? times : {}), axis('', endsOnly)],
+      axes: [axis('time', times), axis('', endsOnly)],
       padding: [6, 14, 4, 0],
       series: [{}, line('spd'), line('radar'), line('depth')],
     };
   }
 }
 
-export class Strips {
-  constructor(x = 'time') {
+class Strips {
+  constructor() {
     this.rates = ['spd', 'radar', 'depth'].map(sensor => new Strip(sensor));
-    this.clocks = new Clocks(x);
+    this.clocks = new Clocks();
   }
   take(arrays, windowS) {
     const x = arrays.first;

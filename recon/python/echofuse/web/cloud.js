@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: MIT
 // Draws a depth map as a point cloud (WebGL). x points to the right, y up, and z away from the camera; unit: m.
-import {isDark, rgbOf, tables} from './maps.js';
 
 const vertex = `attribute vec3 place; attribute vec3 tint; uniform mat4 view; uniform float size; varying vec3 shown;
 void main() { gl_Position = view * vec4(place, 1.0); gl_PointSize = size / gl_Position.w; shown = tint; }`;
@@ -39,7 +38,7 @@ function viewOf(turn, tilt, away, middle, aspect) {
 // Projects a point and returns its clip coordinates x, y and w.
 const placed = (view, x, y, z) => [0, 1, 3].map(i => view[i] * x + view[4 + i] * y + view[8 + i] * z + view[12 + i]);
 
-export class Cloud {
+class Cloud {
   constructor() {
     this.canvas = document.getElementById('cloud');
     this.box = document.getElementById('cloud-box');

@@ -2,12 +2,9 @@
 // Draws depth maps as images. The colour map viridis covers the distances in the scene; near pixels are bright. Pixels
 // without a return are grey. Areas of returns are outlined, because some colours are similar to grey. The axes are in
 // degrees, the colour bar is in metres.
-import {colour, text, textSize} from './charts.js';
 
 const viridis = ['440154', '482475', '414487', '355f8d', '2a788e', '21918c', '22a884', '44bf70', '7ad151', 'bddf26', 'fde725'];
 const inferno = ['000004', '1b0c41', '4a0c6b', '781c6d', 'a52c60', 'cf4446', 'ed6925', 'fb9b06', 'f7d13d', 'fcffa4'];
-// Colours of depth errors: blue means too near, orange means too far. Both ends of the scale have equal lightness.
-const twoEnds = ['08306b', '1c5a9c', '4585bf', '84b0d8', 'c5d8ec', 'f7f7f7', 'f5d5b8', 'eaa96c', 'd37b2c', 'a95308', '6e3003'];
 const table = anchors => {
   const rgb = anchors.map(hex => [0, 2, 4].map(i => parseInt(hex.slice(i, i + 2), 16)));
   return Array.from({length: 256}, (_, k) => {
@@ -15,21 +12,21 @@ const table = anchors => {
     return rgb[i].map((v, c) => Math.round(v + t * (rgb[i + 1][c] - v)));
   });
 };
-export const tables = {near: table([...viridis].reverse()), level: table(viridis), sure: table(inferno), error: table(twoEnds)};
-export const isDark = () => {
+const tables = {near: table([...viridis].reverse()), level: table(viridis), sure: table(inferno)};
+const isDark = () => {
   const chosen = document.documentElement.dataset.theme;
   return chosen ? chosen === 'dark' : matchMedia('(prefers-color-scheme: dark)').matches;
 };
 const noReturn = () => isDark() ? [38, 43, 48] : [232, 234, 237];
 
-export function rgbOf(value, span, map) {
+function rgbOf(value, span, map) {
   const share = (value - span[0]) / (span[1] - span[0]);
   return map[Math.round(255 * Math.min(Math.max(share, 0), 1))];
 }
 
 // Returns the range that contains 96 % of the returns, rounded outwards to multiples of 0.5 m. Returns 2.5 to 5 m if
 // there are fewer than 50 returns.
-export function spanOf(values) {
+function spanOf(values) {
   const there = Float32Array.from(values).filter(v => v > 0).sort();
   if (there.length < 50) return [2.5, 5];
   const at = share => there[Math.floor(share * (there.length - 1))];
@@ -38,7 +35,7 @@ export function spanOf(values) {
 }
 
 // values: row-major, [rows, columns]. NaN means no return; 0 also means no return unless `zero` is true.
-export function picture(values, rows, columns, span, map, scale = 1, zero = false) {
+function picture(values, rows, columns, span, map, scale = 1, zero = false) {
   const image = new ImageData(columns, rows), grey = noReturn();
   for (let i = 0; i < rows * columns; ++i) {
     const v = values[i] * scale;
@@ -69,50 +66,23 @@ function outline(c, image, left, top, width, height) {
 }
 
 // Draws the image so that it fills the canvas.
-export function fill(canvas, image) {
+function fill(canvas, image) {
   const c = canvas.getContext('2d'), {width, height} = canvas;
   c.imageSmoothingEnabled = false;
   c.drawImage(image, 0, 0, width, height);
   outline(c, image, 0, 0, width, height);
 }
 
-// Returns an image of the error (predicted minus ground-truth depth) at pixels where both maps have a return. Also
-// flags the missed and the false returns.
-export function errorPicture(map, truth, rows, columns, span) {
-  const both = map.map((v, i) => v > 0 && truth[i] > 0 ? v - truth[i] : NaN), image = picture(both, rows, columns, span, tables.error, 1, true);
-  image.missed = map.map((v, i) => truth[i] > 0 && !(v > 0)), image.invented = map.map((v, i) => v > 0 && !(truth[i] > 0));
-  return image;
-}
-// Hatches pixels with missed returns, and dots pixels with false returns.
-function mark(c, image, left, top, width, height) {
-  const dx = width / image.width, dy = height / image.height;
-  const over = marked => {
-    const path = new Path2D();
-    for (let i = 0; i < marked.length; ++i)
-      if (marked[i]) path.rect(left + i % image.width * dx - 0.3, top + Math.floor(i / image.width) * dy - 0.3, dx + 0.6, dy + 0.6);
-    c.save(), c.clip(path);
-  };
-  c.strokeStyle = c.fillStyle = colour('--ink'), c.lineWidth = 1;
-  over(image.missed);
-  c.beginPath();
-  for (let x = -height; x < width; x += 6) c.moveTo(left + x, top + height), c.lineTo(left + x + height, top);
-  c.stroke(), c.restore();
-  over(image.invented);
-  for (let y = 2; y < height; y += 4) for (let x = 2 + y / 2 % 4; x < width; x += 4) c.fillRect(left + x, top + y, 1.4, 1.4);
-  c.restore();
-}
-
 // Height of the upper margin, px. The other margins depend on the size of their labels: elevation on the left, azimuth
 // below, colour bar on the right.
-const top = 8;
+const above = 8;
 const roomOf = size => ({left: 3.9 * size, bottom: 2.8 * size, bar: 28 + 4.4 * size});
 
-export class MapView {
+class MapView {
   // id: id of the canvas; kind: key of `tables`, which defines the colours.
   constructor(id, kind = 'near') {
     this.canvas = document.getElementById(id);
     this.kind = kind;
-    this.unit = ' m';
     this.ratio = 1;
     new ResizeObserver(() => this.draw()).observe(this.canvas.parentElement);
     this.value = document.getElementById(`${id}-value`), this.note = '';
@@ -158,9 +128,9 @@ export class MapView {
     const ratio = devicePixelRatio, size = textSize(), far = document.documentElement.classList.contains('far');
     const width = Math.min(this.canvas.parentElement.clientWidth, far ? 0.4 * innerHeight + 6 * size : 620);
     const {left, bottom, bar} = roomOf(size);
-    const inner = width - left - bar, high = inner * Math.abs(this.ratio), height = high + bottom + top;
+    const inner = width - left - bar, high = inner * Math.abs(this.ratio), height = high + bottom + above;
     if (inner < 40) return;
-    this.inner = {left, top, width: inner, height: high};
+    this.inner = {left, top: above, width: inner, height: high};
     this.readOut();
     this.canvas.width = width * ratio, this.canvas.height = height * ratio;
     this.canvas.style.width = `${width}px`, this.canvas.style.height = `${height}px`;
@@ -170,21 +140,20 @@ export class MapView {
     c.fillStyle = colour('--ink');
     if (!this.image) {
       c.fillStyle = colour('--grid');
-      c.fillRect(left, top, inner, high);
+      c.fillRect(left, above, inner, high);
       c.fillStyle = colour('--ink');
       c.textAlign = 'center';
-      c.fillText(this.why || 'no data', left + inner / 2, top + high / 2, inner);
+      c.fillText(this.why || 'no data', left + inner / 2, above + high / 2, inner);
       return;
     }
     c.imageSmoothingEnabled = false;
     c.globalAlpha = this.why ? 0.35 : 1;
-    c.drawImage(this.image, left, top, inner, high);
-    outline(c, this.image, left, top, inner, high);
-    if (this.image.missed) mark(c, this.image, left, top, inner, high);
+    c.drawImage(this.image, left, above, inner, high);
+    outline(c, this.image, left, above, inner, high);
     c.globalAlpha = 1;
     if (this.why) {
       c.textAlign = 'center';
-      c.fillText(this.why, left + inner / 2, top + 1.6 * size, inner);
+      c.fillText(this.why, left + inner / 2, above + 1.6 * size, inner);
     }
     this.ticks(c, inner, high, left, size);
     this.bar(c, left + inner + 12, high, size);
@@ -196,10 +165,10 @@ export class MapView {
     c.textAlign = 'center';
     for (let degrees = -80; degrees <= 80; degrees += step) {
       const t = Math.tan(degrees * Math.PI / 180), x = left + (t - x0) / (x1 - x0) * inner;
-      const y = top + (y1 - t) / (y1 - y0) * high;
+      const y = above + (y1 - t) / (y1 - y0) * high;
       if (t > x0 && t < x1) {
-        c.strokeRect(x, top + high, 0, 4);
-        c.fillText(`${degrees}°`, x, top + high + 4 + size);
+        c.strokeRect(x, above + high, 0, 4);
+        c.fillText(`${degrees}°`, x, above + high + 4 + size);
       }
       if (t > Math.min(y0, y1) && t < Math.max(y0, y1)) {
         c.strokeRect(left - 4, y, 4, 0);
@@ -208,9 +177,9 @@ export class MapView {
         c.textAlign = 'center';
       }
     }
-    c.fillText('azimuth', left + inner / 2, top + high + 2.45 * size);
+    c.fillText('azimuth', left + inner / 2, above + high + 2.45 * size);
     c.save();
-    c.translate(0.9 * size, top + high / 2);
+    c.translate(0.9 * size, above + high / 2);
     c.rotate(-Math.PI / 2);
     c.fillText('elevation', 0, 0);
     c.restore();
@@ -219,18 +188,18 @@ export class MapView {
     const map = tables[this.kind], steps = 128;
     for (let k = 0; k < steps; ++k) {
       c.fillStyle = `rgb(${map[Math.round(255 * (1 - k / (steps - 1)))]})`;
-      c.fillRect(x, top + k / steps * high, 12, high / steps + 0.7);
+      c.fillRect(x, above + k / steps * high, 12, high / steps + 0.7);
     }
     c.strokeStyle = colour('--edge');
-    c.strokeRect(x + 0.5, top + 0.5, 11, high - 1);
+    c.strokeRect(x + 0.5, above + 0.5, 11, high - 1);
     c.fillStyle = colour('--ink');
     c.textAlign = 'left';
     const [low, far] = this.span, step = [0.25, 0.5, 1].find(s => s / (far - low) * high > 2.6 * size) ?? 2;
     for (let v = Math.ceil(low / step) * step; v <= far + 1e-9; v += step) {
-      const y = top + (1 - (v - low) / (far - low)) * high;
+      const y = above + (1 - (v - low) / (far - low)) * high;
       // The end colours also represent all values beyond the scale.
-      const last = v + step > far + 1e-9, end = !this.unit ? '' : Math.abs(v - far) < 1e-9 ? '≥ ' : Math.abs(v - low) < 1e-9 && this.kind !== 'sure' ? '≤ ' : '';
-      c.fillText(`${end}${+v.toFixed(2)}${last ? this.unit : ''}`, x + 16, Math.min(Math.max(y + size / 3, top + 0.8 * size), top + high));
+      const last = v + step > far + 1e-9, end = Math.abs(v - far) < 1e-9 ? '≥ ' : Math.abs(v - low) < 1e-9 && this.kind !== 'sure' ? '≤ ' : '';
+      c.fillText(`${end}${+v.toFixed(2)}${last ? ' m' : ''}`, x + 16, Math.min(Math.max(y + size / 3, above + 0.8 * size), above + high));
     }
   }
 }

@@ -2,16 +2,14 @@
 // Plan view, m. The detector is at the origin, and the radar is to its left. x points to the right, and z away from the
 // detector. The view shows the power received by the radar antennas, the field of view of the maps, and the track of
 // the body.
-import {colour, text, textSize} from './charts.js';
-import {picture, tables} from './maps.js';
 
 // Returns the range and the sine of the azimuth of a point, relative to the radar.
-export const fromRadar = (x, z, baseline) => {
+const fromRadar = (x, z, baseline) => {
   const range = Math.hypot(x + baseline, z);
   return [range, (x + baseline) / range];
 };
 
-export class Plan {
+class Plan {
   constructor() {
     this.canvas = document.getElementById('plan');
     new ResizeObserver(() => this.shown && this.draw()).observe(this.canvas.parentElement);
@@ -25,7 +23,7 @@ export class Plan {
   draw() {
     const {beams, axis, baseline, track, halfTangent, label} = this.shown, {canvas} = this, ratio = devicePixelRatio, size = textSize();
     const farthest = Math.min(beams ? axis.start + axis.count * axis.step : 6, 8), half = farthest * Math.max(halfTangent, 0.5);
-    const width = Math.max(canvas.parentElement.clientWidth - 24, 100), scale = Math.min((width - 2 * size) / (2 * half), 460 / farthest);
+    const width = Math.max(canvas.parentElement.clientWidth, 100), scale = Math.min((width - 2 * size) / (2 * half), 460 / farthest);
     const height = farthest * scale + 3.4 * size;
     canvas.width = width * ratio, canvas.height = height * ratio;
     canvas.style.width = `${width}px`, canvas.style.height = `${height}px`;

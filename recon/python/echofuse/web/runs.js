@@ -1,8 +1,5 @@
 // SPDX-License-Identifier: MIT
 // Shows the runs in a folder. Each run has a card that links to the page of the run.
-import {clock, colour, siNumber} from './charts.js';
-import {refusal} from './link.js';
-import {fill, picture, spanOf, tables} from './maps.js';
 
 const $ = id => document.getElementById(id);
 const side = 112, pause = {all: 5000, more: 100};
@@ -38,15 +35,23 @@ function card(run, span) {
     words.lastChild.dataset.status = run.status.split(':')[0];
     add('p', `${run.started_utc.slice(0, 16).replace('T', ' ')} UTC, ${clock(run.length_s)}, ${run.records} records`, 'quiet');
     add('p', shown + (labels.length > 4 ? ` and ${labels.length - 4} more` : ''));
-    add('p', run.verdict, 'doubts');
+    add('p', run.verdict || 'no record is doubtful', run.verdict ? 'doubts' : 'quiet');
   }
   at.append(thumbnail(run, span), words);
   return at;
 }
+// Compares two runs in the chosen order. The number of doubtful records begins the verdict.
+function order(a, b) {
+  const key = $('sort').value, value = run => key === 'doubtful' ? parseInt(run.verdict) || 0 : run[key] ?? '';
+  const [x, y] = key === 'name' ? [value(b), value(a)] : [value(a), value(b)];
+  return x < y ? 1 : x > y ? -1 : 0;
+}
 function draw() {
   const runs = JSON.parse(listed), span = spanOf(runs.flatMap(run => run.map ?? []).map(cm => cm / 100));
-  $('about').textContent = runs.length ? `${runs.length}, newest first` : 'no runs in this folder yet';
-  $('runs-list').replaceChildren(...runs.map(run => card(run, span)));
+  const words = $('search').value.toLowerCase().split(/\s+/), cards = runs.sort(order).map(run => card(run, span));
+  const found = cards.filter(at => words.every(word => at.textContent.toLowerCase().includes(word)));
+  $('about').textContent = !runs.length ? 'no runs in this folder yet' : found.length < runs.length ? `${found.length} of ${runs.length}` : `${runs.length}`;
+  $('runs-list').replaceChildren(...found);
 }
 // Requests the list of runs every 5 s, or every 0.1 s until all runs have been read. Redraws only if the list has
 // changed, so that cards do not move while the user clicks.
@@ -65,6 +70,7 @@ async function poll() {
   }
   setTimeout(poll, wait);
 }
+for (const id of ['search', 'sort']) $(id).addEventListener('input', () => listed && draw());
 $('newest').href = `newest/${location.search}`;
 matchMedia('(prefers-color-scheme: dark)').addEventListener('change', () => listed && draw());
 poll();

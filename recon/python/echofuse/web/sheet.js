@@ -1,9 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Shows thumbnails of depth maps at regular intervals over the run. A click on a thumbnail selects its record.
-import {colour} from './charts.js';
-import {fill, picture, tables} from './maps.js';
 
-export class Sheet {
+class Sheet {
   constructor(choose) {
     this.box = document.getElementById('sheet');
     this.choose = choose;
@@ -20,7 +18,7 @@ export class Sheet {
     this.box.replaceChildren(...index.map((at, i) => {
       const button = document.createElement('button'), canvas = document.createElement('canvas');
       const words = document.createElement('span');
-      button.type = 'button', button.dataset.index = at;
+      button.type = 'button', button.dataset.index = at, button.disabled = this.kept && !this.kept.includes(at);
       canvas.width = canvas.height = shown;
       fill(canvas, picture(maps.subarray(i * side * side, (i + 1) * side * side), side, side, span, tables.near));
       if (lacks[i]) {

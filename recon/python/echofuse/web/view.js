@@ -1,14 +1,6 @@
 // SPDX-License-Identifier: MIT
 // Page of a run. Displays the data in messages from the server, and sends requests when a key or a button is pressed.
-import {Curve, Histogram, Profile, Strips, Waterfall, clock, metresPerPs, siNumber, units} from './charts.js';
-import {Alarm} from './alarm.js';
-import {Cloud} from './cloud.js';
-import {Link} from './link.js';
-import {MapView, picture, spanOf, tables} from './maps.js';
-import {Plan} from './plan.js';
-import {Sheet} from './sheet.js';
-import {Zones} from './zones.js';
-
+'use strict';
 const $ = id => document.getElementById(id);
 const sensors = ['spd', 'radar', 'depth'];
 const histogram = new Histogram(), profile = new Profile(), strips = new Strips(), curves = {radar_c: new Curve('strip-temperature'), margin_ms: new Curve('strip-margin')}, cloud = new Cloud();
@@ -24,7 +16,8 @@ let run = null, state = null, record = null, sum = null, strip = null, span = [2
 let wasLive = false, received = 0, lastMessage = performance.now(), connected = false, live = true, wanted = null, cloudOf = 'map', sheetAt = -1;
 window.framesSeen = 0;
 // The viewer sends a message at least every second. It is considered unreachable if no message arrives for 3 s.
-const silence = () => (performance.now() - lastMessage) / 1000, reached = () => connected && silence() < 3;
+const file = !!$('messages');  // true: the page has been saved by echofuse-view --save
+const silence = () => (performance.now() - lastMessage) / 1000, reached = () => connected && (file || silence() < 3);
 
 const age = s => s < 10 ? `${s.toFixed(1)} s ago` : s < 600 ? `${Math.round(s)} s ago` : `${clock(s)} ago`;
 const count = n => n >= 1e6 ? `${(n / 1e6).toPrecision(4)} M` : n >= 1e4 ? `${(n / 1e3).toPrecision(4)} k` : `${n}`;
@@ -45,7 +38,7 @@ const doubtsOf = shown => sensors.filter(name => shown.sensors[name].doubtful)
 function lampOf(sensor, over) {
   if (!sensor.configured) return ['off', 'OFF'];
   if (!over && sensor.stale) return ['bad', 'LOST'];
-  if (!sensor.valid) return [over ? 'bad' : 'look', over ? 'LOST' : 'CHECK'];
+  if (!sensor.valid) return over ? ['bad', 'LOST'] : ['look', 'CHECK'];
   return {ok: ['ok', 'OK'], neutral: ['off', 'N/A']}[sensor.lamp] ?? ['look', 'CHECK'];
 }
 function light(name, [lamp, word], verdict, note) {
@@ -56,31 +49,53 @@ function light(name, [lamp, word], verdict, note) {
     const box = at.querySelector(part);
     if (box.textContent !== text) box.textContent = text;
   }
+  at.title = [verdict, note].filter(Boolean).join('; ');
 }
 function drawLamps() {
   if (!state || !run) return;
-  const old = (performance.now() - received) / 1000, over = state.status !== 'open', lost = [], look = [];
+  const old = (performance.now() - received) / 1000, over = state.status !== 'open' || file, lost = [], look = [];
   for (const name of sensors) {
-    const shown = !live && record?.sensors[name], sensor = shown ? {...state.sensors[name], ...shown, arrived: null} : state.sensors[name];
-    const lamp = !reached() ? ['off', '?'] : lampOf(sensor, over || shown);
+    const {worst, configured} = state.sensors[name], shown = !live && record?.sensors[name];
+    if (over && !shown) {  // shows the verdict on the whole run
+      light(name, !configured ? ['off', 'OFF'] : !worst ? ['ok', 'OK'] : worst.valid ? ['look', 'CHECK'] : ['bad', 'LOST'],
+            !configured ? 'not configured' : worst ? `${worst.word} in ${worst.records} of ${state.records} records` : `good in all ${state.records} records`,
+            worst ? `last at ${timeOf(worst.utc)} UTC, record ${worst.index}` : '');
+      continue;
+    }
+    const sensor = shown ? {...state.sensors[name], ...shown, arrived: null} : state.sensors[name];
+    const lamp = !reached() ? ['off', '?'] : lampOf(sensor, shown);
     if (lamp[1] === 'LOST') lost.push(name);
     if (lamp[1] === 'CHECK') look.push(name);
     light(name, lamp, !reached() ? 'no connection' : !sensor.configured ? 'not configured' : sensor.verdict !== 'ok' ? sensor.verdict
             : sensor.arrived > sensor.used ? `${rate(sensor.arrived / run.window_s, name)}, ${sensor.used} used` : rate(sensor.used / run.window_s, name),
-          !sensor.configured ? '' : shown ? `in record ${record.index}` : over ? 'run has ended' : sensor.age_s == null ? 'no data yet' : `last data ${age(sensor.age_s + old)}`);
+          !sensor.configured ? '' : shown ? `in record ${record.index}` : sensor.age_s == null ? 'no data yet' : `last data ${age(sensor.age_s + old)}`);
   }
   drawStatus(over || !live ? [] : lost, over || !live ? [] : look);
-  setText('doubts', state.doubts || 'no record is doubtful');
-  $('doubts').hidden = false, $('doubts').dataset.none = !state.doubts;
+  drawDoubts();
   drawMapsLamp();
 }
+// Shows the number of doubtful records and the time of the last one. The user can acknowledge them; the line is then
+// quiet until another record is doubtful.
+const known = () => `acknowledged ${run.uuid}`;
+function drawDoubts() {
+  const {doubtful, doubts, last_doubt: last} = state, quiet = doubtful <= +localStorage.getItem(known());
+  setText('doubts-text', [state.status === 'open' ? '' : `${endOf(state)}, ${state.records} records`, doubts || 'no record is doubtful',
+                          last && `last at ${timeOf(last.utc)} UTC, record ${last.index}`, quiet && doubtful && 'acknowledged'].filter(Boolean).join('; '));
+  $('doubts').title = $('doubts-text').textContent;
+  $('doubts').hidden = false, $('doubts').dataset.none = !doubtful || quiet;
+  $('acknowledge').hidden = !doubtful || quiet || file;
+}
+const timeOf = utc => utc.slice(11, 19);
+// Returns e.g. "stopped: disk full at 03:12:05 UTC".
+const statusWords = {'stopped:disk': 'stopped: disk full', 'stopped:failed': 'stopped: failure', 'stopped:interrupted': 'stopped: interrupted'};
+const endOf = ({status, ended_utc: ended}) => (statusWords[status] ?? status) + (ended ? ` at ${timeOf(ended)} UTC` : '');
 // Shows the most serious state of the run and its sensors.
 function drawStatus(lost, look) {
-  const of = list => list.map(name => names[name]).join(', '), words = {open: 'recording', complete: 'complete'};
+  const of = list => list.map(name => names[name]).join(', ');
   const all = sensors.filter(name => state.sensors[name].configured);
   const full = state.alerts.some(alert => alert.source === 'disk');
   const text = !reached() ? `no connection to the viewer for ${Math.round(silence())} s` : lost.length === all.length && lost.length ? 'NO DATA from any sensor'
-    : lost.length ? `recording without ${of(lost)}` : look.length ? `recording; check ${of(look)}` : full ? 'recording; disk nearly full' : words[state.status] ?? state.status;
+    : lost.length ? `recording without ${of(lost)}` : look.length ? `recording; check ${of(look)}` : full ? 'recording; disk nearly full' : state.status !== 'open' ? endOf(state) : file ? 'recording when saved' : 'recording';
   setText('status', text);
   $('status').dataset.status = !reached() || lost.length ? 'lost' : look.length || full ? 'look' : state.status.split(':')[0];
 }
@@ -174,6 +189,7 @@ function drawRecord() {
   if (points || !live) cloud.set(points, cloudOf === 'reconstruction' && made ? made.half_tangent : grid, span);
   // Lists the verdicts if the display is held at this record. In live mode, the status indicators show the verdicts.
   setText('shown', $('shown').title = [`record ${record.index}${live ? ' (newest)' : ''}`, `${record.utc.slice(11, 21)} UTC`, record.label, ...(live ? [] : ['held', ...doubtsOf(record)])].filter(Boolean).join(', '));
+  $('scrubber').setAttribute('aria-valuetext', $('shown').title);
   sheet.point(record.index);
 }
 
@@ -181,10 +197,11 @@ function drawRecord() {
 function drawPlan() {
   const {beams, track} = record.arrays, made = record.reconstruction, hasBeams = beams?.some(v => v > -Infinity);
   $('card-plan').hidden = !hasBeams && !track?.length;
+  $('card-maps').classList.toggle('with-plan', !$('card-plan').hidden);
   if ($('card-plan').hidden) return;
   plan.show({beams: hasBeams ? beams : null, axis: run.axes.array, baseline: run.baseline_m, track,
              halfTangent: made?.half_tangent ?? run.map.half_tangent, label: run.axes.radar ? 'radar' : ''});
-  setText('plan-of', [hasBeams && 'power received by the antennas (30 dB)', track && 'positions of the body in the last minute', !run.baseline_m && run.axes.radar && 'baseline unknown, so the radar is drawn at the detector'].filter(Boolean).join('; '));
+  setText('plan-of', [hasBeams && 'Power received by the antennas (30 dB)', track && 'positions of the body in the last minute', !run.baseline_m && run.axes.radar && 'baseline unknown, so the radar is drawn at the detector'].filter(Boolean).join('; '));
   const interval = made?.lateral_interval_90_m;
   setText('place', !made ? '' : made.x_m == null ? 'no body in the reconstruction'
     : `body at x ${made.x_m.toFixed(2)} m${interval == null ? '' : ` ± ${interval.toFixed(2)} m (90 %)`}, z ${made.z_m.toFixed(2)} m, azimuth ${(Math.atan2(made.x_m, made.z_m) * 180 / Math.PI).toFixed(1)}°`);
@@ -217,6 +234,11 @@ function askSum() {
 }
 
 const take = {
+  saved({utc, records, of}) {
+    sheet.kept = records;
+    setText('kept', `Saved at ${utc.slice(0, 16).replace('T', ' ')} UTC. This file contains ${records.length} of ${of} records in full, and the curves and thumbnails of the whole run.`);
+    $('kept').hidden = false;
+  },
   run(message) {
     const other = run?.uuid !== message.uuid;
     run = message;
@@ -347,8 +369,10 @@ function collect() {
 }
 function show(index) {
   if (state?.last_index == null) return;
+  const from = here();
   live = index === 'live';
   wanted = live ? null : Math.min(Math.max(index, state.first_index), state.last_index);
+  if (file && !live) wanted = link.next(wanted, from);
   $('live').setAttribute('aria-pressed', live);
   document.body.classList.toggle('held', !live);
   $('scrubber').value = live ? state.last_index : wanted;
@@ -388,8 +412,7 @@ const actions = {
     askSum();
   },
   t: () => {
-    const root = document.documentElement.dataset, dark = root.theme ? root.theme === 'dark' : matchMedia('(prefers-color-scheme: dark)').matches;
-    root.theme = dark ? 'light' : 'dark';
+    root.dataset.theme = isDark() ? 'light' : 'dark';
     redraw();
   },
   '?': () => $('keys').showModal(),
@@ -450,24 +473,40 @@ document.addEventListener('keydown', e => {
   action();
 });
 matchMedia('(prefers-color-scheme: dark)').addEventListener('change', redraw);
+// Uses the light theme and a fixed width for printed pages.
+const root = document.documentElement;
+let theme;
+addEventListener('beforeprint', () => {
+  theme = root.dataset.theme, root.dataset.theme = 'light', root.classList.add('paper');
+  redraw();
+});
+addEventListener('afterprint', () => {
+  root.classList.remove('paper');
+  if (theme) root.dataset.theme = theme;
+  else delete root.dataset.theme;
+  redraw();
+});
+document.body.classList.toggle('saved', file);
+$('acknowledge').addEventListener('click', () => (localStorage.setItem(known(), state.doubtful), drawDoubts()));
+addEventListener('hashchange', () => /^#\d+$/.test(location.hash) && (show(+location.hash.slice(1)), $('bar').scrollIntoView()));
 setInterval(() => {
   drawLamps();
   if (!state) return;
   alarm.take([...reached() ? [] : ['viewer'], ...state.alerts.filter(alert => alert.source !== 'run' || wasLive).map(alert => `${alert.source} ${alert.kind}`)]);
-  const running = state.status === 'open' && reached() ? (performance.now() - received) / 1000 : 0;
+  const running = state.status === 'open' && !file && reached() ? (performance.now() - received) / 1000 : 0;
   setText('elapsed', clock(state.elapsed_s + running));
 }, 200);
 
 const chosen = location.pathname.match(/\/(?:run\/[^/]+|newest)\/[^/]*$/);
 $('runs').hidden = !chosen;
 $('runs').href = `${chosen?.[0].startsWith('/run/') ? '../../' : '../'}${location.search}`;
-const link = new Link(message => {
+const link = new (file ? Saved : Link)(message => {
   lastMessage = performance.now();
   take[message.kind]?.(message);
 }, (open, why) => {
   connected = open;
   if (why) trouble(why);
-  if (open && !live) link.ask({show: here()});
+  if (open && (file || !live)) show(live ? 'live' : here());
   if (open && (sum || summed() !== 1)) askSum();
   if (state) drawNumbers(), drawLamps();
   else setText('status', open ? 'connected' : 'no connection to the viewer');

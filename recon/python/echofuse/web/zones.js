@@ -1,18 +1,17 @@
 // SPDX-License-Identifier: MIT
 // Draws the histogram of each detector zone at the position of the zone in the field of view. All histograms have the
 // same scale.
-import {colour, siNumber, text, textSize} from './charts.js';
 
 // Returns the centres [x, y] of the zones, and the side length of equal squares around them that do not overlap. If the
 // direction of any zone is unknown, arranges the zones in rows of equal length.
-export function places(directions) {
+function places(directions) {
   const columns = Math.ceil(Math.sqrt(directions.length));
   if (directions.some(zone => !zone)) return {side: 1, centres: directions.map((_, i) => [i % columns, -Math.floor(i / columns)])};
   const apart = directions.flatMap(([x, y], i) => directions.slice(i + 1).map(other => Math.max(Math.abs(x - other[0]), Math.abs(y - other[1]))));
   return {side: Math.min(directions[0][2] * 4, ...apart.filter(d => d > 1e-6)), centres: directions};
 }
 
-export class Zones {
+class Zones {
   constructor() {
     this.canvas = document.getElementById('zones');
   }
