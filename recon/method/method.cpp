@@ -28,6 +28,7 @@
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include "recon/method/bin_sums.hpp"
 #include "recon/numbers/parallel.hpp"
@@ -42,26 +43,34 @@ using ConstValues = Eigen::Map<const Eigen::ArrayXf>;
 Values values(std::span<float> v) { return {v.data(), std::ssize(v)}; }
 ConstValues values(std::span<const float> v) { return {v.data(), std::ssize(v)}; }
 
+// The median of a Poisson distribution is lower than its mean by at most ln 2.
+constexpr double median_bias = std::numbers::ln2;
+
 // Equation (2): returns the range of the body in metres; 0 if its counts are below `significance`
-// standard deviations of all counts. `counts`: counts above the background, in bins at
-// scene.spd_ranges(); `all`: counts including the background.
+// standard deviations of all counts. The body's counts exclude the mean count of the other bins, at
+// most `median_bias`, because the median in (1) may be too low by this value. `counts`: counts
+// above the background, in bins at scene.spd_ranges(); `all`: counts including the background.
 float detected_range_m(std::span<const float> counts, std::span<const float> all,
                        const Alignment& scene) {
   const auto [first_m, step_m] = scene.spd_ranges();
   const auto bins = static_cast<double>(counts.size());
-  double from = 0, to = bins, centre = 0;
+  double from = 0, to = bins, centre = 0, width = bins;
   BinSums in;
   for (int pass = 0; pass <= method::centroid_passes; ++pass) {
     // The first pass includes all bins. It ignores negative counts, because noise of both signs
     // would displace the centroid.
-    in = bin_sums(counts, all, static_cast<std::size_t>(from), static_cast<std::size_t>(to),
-                  pass == 0 ? Negative::left_out : Negative::counted);
+    const auto first = static_cast<std::size_t>(from), last = static_cast<std::size_t>(to);
+    in = bin_sums(counts, all, first, last, pass == 0 ? Negative::left_out : Negative::counted);
+    width = static_cast<double>(last - first);
     if (in.counts <= 0) return 0;
     centre = in.moment / in.counts;
     from = std::clamp(centre - method::body_m / step_m, 0.0, bins);
     to = std::clamp(centre + method::body_m / step_m + 1, 0.0, bins);
   }
-  const bool detected = in.counts > method::significance * std::sqrt(in.all);
+  const double outside =
+      bin_sums(counts, all, 0, counts.size(), Negative::counted).counts - in.counts;
+  const double level = std::clamp(outside / std::max(bins - width, 1.), 0., median_bias);
+  const bool detected = in.counts - level * width > method::significance * std::sqrt(in.all);
   return detected ? static_cast<float>(first_m + centre * step_m) : 0;
 }
 

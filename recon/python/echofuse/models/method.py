@@ -62,12 +62,14 @@ class Method:
             weight = (n if i else np.maximum(n, 0))[begin:end].astype(float)
             if weight.sum() <= 0:
                 return no_body
-            centre, all_counts, body = (weight @ at[begin:end] / weight.sum(),
-                                        counts[begin:end].sum(), weight.sum())
+            centre, all_counts, body, width = (weight @ at[begin:end] / weight.sum(),
+                                               counts[begin:end].sum(), weight.sum(), len(weight))
             begin = int(np.clip(centre - c["body_m"] / step_m, 0, bins))
             end = int(np.clip(centre + c["body_m"] / step_m + 1, 0, bins))
         r = np.float32(first_m + centre * step_m)
-        if not body > c["significance"] * np.sqrt(all_counts):
+        # The median of Poisson counts is up to ln 2 below their mean.
+        level = np.clip((n.sum() - body) / max(bins - width, 1), 0, np.log(2))
+        if not body - level * width > c["significance"] * np.sqrt(all_counts):
             return no_body
         h = self.aligned_counts(r, n, c["histogram_step_m"])  # equation (3): histogram
         of_zones = [np.zeros(0)]
