@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "recon/train/choice.hpp"
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 
@@ -50,8 +51,16 @@ void Choice::choose(double errors) {
   chosen_ = 0;
   double most = 0;
   for (std::size_t i = 1; i < entries_.size(); ++i)
-    if (const double gain = gain_of(entries_[i], entries_.front(), errors); gain > most)
+    if (const auto [gain, error] = gain_and_error(entries_[i], entries_.front());
+        gain > std::max(most, errors * error))
       chosen_ = i, most = gain;
+}
+
+std::pair<double, double> Choice::gain_over(std::size_t first, std::size_t last) const {
+  auto least = gain_and_error(entries_[chosen_], entries_[first]);
+  while (++first < last)
+    least = std::min(least, gain_and_error(entries_[chosen_], entries_[first]));
+  return least;
 }
 
 std::vector<CrossvalidatedRow> Choice::table() const {
@@ -69,8 +78,8 @@ std::vector<HeldOut> Choice::held_out() const {
 
 // Returns the mean gain and its standard error, from paired differences, because both candidates
 // were tested on the same records in the same folds.
-std::pair<double, double> Choice::gain_and_error_of(const Alternative& entry,
-                                                    const Alternative& than) {
+std::pair<double, double> Choice::gain_and_error(const Alternative& entry,
+                                                 const Alternative& than) {
   std::vector<double> gains;
   for (std::size_t i = 0; i < entry.score.size(); ++i)
     if (const double gain = entry.score[i] - than.score[i]; !std::isnan(gain))
@@ -78,12 +87,6 @@ std::pair<double, double> Choice::gain_and_error_of(const Alternative& entry,
   if (gains.size() < 2) return {0, 0};
   return {mean_of(gains),
           standard_deviation(gains) / std::sqrt(static_cast<double>(gains.size() - 1))};
-}
-
-// Returns the mean gain, or 0 if it is below `errors` standard errors.
-double Choice::gain_of(const Alternative& entry, const Alternative& than, double errors) {
-  const auto [gain, error] = gain_and_error_of(entry, than);
-  return gain > errors * error ? gain : 0;
 }
 
 }  // namespace echofuse::recon

@@ -23,22 +23,16 @@ class Choice {
   // Adds a candidate: fits one model per fold and scores it on the held-out records. Throws
   // Error(interrupted) after an interrupt.
   void add(const std::string& name, const Dataset& data, Fit fit);
-  // Chooses the candidate with the largest gain over the first one, if this gain exceeds `errors`
-  // standard errors; otherwise chooses the first.
+  // Chooses, of the candidates better than the first one by more than `errors` standard errors, the
+  // one with the best score; without such a candidate, chooses the first.
   void choose(double errors);
 
+  std::size_t size() const { return entries_.size(); }
   std::size_t chosen() const { return chosen_; }  // index in the order of add()
   bool is(const std::string& name) const { return entries_[chosen_].row.name == name; }
-  // Returns the gain of the chosen candidate over the chosen candidate of `other`, on the same
-  // records. Returns 0 if the gain is below `errors` standard errors.
-  double gain_over(const Choice& other, double errors) const {
-    return gain_of(entries_[chosen_], other.entries_[other.chosen_], errors);
-  }
-  // Returns the mean gain in score over the chosen candidate of `other`, and the standard error of
-  // this gain.
-  std::pair<double, double> gain_and_error(const Choice& other) const {
-    return gain_and_error_of(entries_[chosen_], other.entries_[other.chosen_]);
-  }
+  // Returns the smallest mean gain in score of the chosen candidate over candidates [first, last),
+  // and the standard error of this gain.
+  std::pair<double, double> gain_over(std::size_t first, std::size_t last) const;
   Estimator fit() const { return entries_[chosen_].fit(split_.train); }
   std::vector<CrossvalidatedRow> table() const;
   // Returns, for each fold, the model of the chosen candidate and the rows held out from its
@@ -52,9 +46,8 @@ class Choice {
     std::vector<Estimator> models = {};
     std::vector<double> score = {};  // IoU minus weighted lateral error of each record
   };
-  static std::pair<double, double> gain_and_error_of(const Alternative& entry,
-                                                     const Alternative& than);
-  static double gain_of(const Alternative& entry, const Alternative& than, double errors);
+  static std::pair<double, double> gain_and_error(const Alternative& entry,
+                                                  const Alternative& than);
 
   const SceneModel& judged_by_;
   const Split& split_;

@@ -83,10 +83,10 @@ bool are_few(const Estimator& from, const Split& split) {
   return split.train.size() < TuneOptions::least_alone && wants_alignment(from.name);
 }
 
-// Returns by how many standard errors a candidate must be better than the unchanged model. A few
-// records cannot show which candidate is best, so the unchanged model is kept in doubtful cases. If
+// Returns by how many standard errors a candidate must be better than the first model unchanged. A
+// few records cannot show which candidate is best, so that model is kept in doubtful cases. If
 // there are more records, the best candidate is used.
-double plainly(bool few) { return few ? 2 : 0; }
+double plainly(bool few) { return few ? 1 : 0; }
 
 Tuning without_training(Tuning tuning) {
   tuning.l2_penalty = INFINITY;
@@ -138,7 +138,6 @@ void try_all(Choice& choice, const Start& start, const Split& split, const TuneO
   }
   if (many && with_alone)
     add(alone, [&](const Rows& rows) { return fit_alone(from, start.own, rows, options); });
-  choice.choose(plainly(are_few(from, split)));
 }
 
 // Returns the rows that can be used to tune all start models.
@@ -211,16 +210,17 @@ Estimator tune_other(const Estimator& from, const Dataset& data, const Split& sp
   return out;
 }
 
-// Describes the difference in score between two start models.
-std::string compared(const std::vector<Start>& starts, const std::vector<Choice>& choices,
-                     std::size_t best, std::size_t other) {
+// Describes the gain of the chosen candidate over the best candidate of another start model, which
+// has the candidates [first, last).
+std::string compared(const Choice& choice, const std::string& best, const std::string& other,
+                     std::size_t first, std::size_t last) {
   constexpr double clear_errors = 2;
-  const auto [gain, error] = choices[best].gain_and_error(choices[other]);
+  const auto [gain, error] = choice.gain_over(first, last);
   return formatted(
       "gain of start model %s over %s on the same folds: %+.3f +- %.3f (IoU - 2.4 x lateral error "
       "in "
       "m)%s\n",
-      printable(starts[best].name).c_str(), printable(starts[other].name).c_str(), gain, error,
+      printable(best).c_str(), printable(other).c_str(), gain, error,
       gain < clear_errors * error ? "; not significant" : "");
 }
 
@@ -233,19 +233,6 @@ TrainingRecords both(const TrainingRecords& old, TrainingRecords seen) {
   seen.part.insert(seen.part.end(), old.part.begin(), old.part.end());
   seen.hash.insert(seen.hash.end(), old.hash.begin(), old.hash.end());
   return seen;
-}
-
-// Returns the index of the best start model. A start model must be better than the first one by
-// `errors` standard errors (one if there are few records). With this limit, no result became worse
-// in 21 tests (seven conditions with three random samples each). Without the limit, 2 of the 21
-// results became worse.
-std::size_t best_start(const std::vector<Choice>& choices, double errors) {
-  std::size_t best = 0;
-  double most = 0;
-  for (std::size_t k = 1; k < choices.size(); ++k)
-    if (const double gain = choices[k].gain_over(choices[0], errors); gain > most)
-      best = k, most = gain;
-  return best;
 }
 
 }  // namespace
@@ -275,30 +262,28 @@ TunedModel tune(const std::vector<Start>& starts, const TuneOptions& options) {
   const Split split = make_split(rows, options.split);
   const SceneModel judged_by =
       scene_for(starts.front().model.first(), starts.front().data, split.train);
-  std::vector<Choice> choices;
-  // Prevents reallocation, because the candidates refer to elements of `choices`.
-  choices.reserve(starts.size());
+  Choice choice(judged_by, split, options.split);
+  // Index of the first candidate of each start model, then the number of candidates.
+  std::vector<std::size_t> first{0};
   for (const Start& start : starts) {
-    choices.emplace_back(judged_by, split, options.split);
-    try_all(choices.back(), start, split, options, better_room(start, judged_by, split, options),
-            choices.size() == 1);
+    try_all(choice, start, split, options, better_room(start, judged_by, split, options),
+            first.back() == 0);
+    first.push_back(choice.size());
   }
-  if (choices.front().table().empty())
+  if (choice.size() == 0)
     throw Error(ExitCode::usage, options.only + ": no candidate has this name");
-  const std::size_t best =
-      best_start(choices, plainly(are_few(starts.front().model.first(), split)) / 2);
+  choice.choose(plainly(are_few(starts.front().model.first(), split)));
   TunedModel out;
   out.left_out = usable.left_out;
-  for (std::size_t k = 0; k < choices.size(); ++k)
-    if (k != best) out.starts += compared(starts, choices, best, k);
-  for (std::size_t k = 0; k < choices.size(); ++k) {
-    if (k == best) out.chosen = out.table.size() + choices[k].chosen();
-    for (CrossvalidatedRow& row : choices[k].table()) {
-      if (choices.size() > 1) row.name = starts[k].name + ": " + row.name;
-      out.table.push_back(std::move(row));
-    }
+  out.table = choice.table(), out.chosen = choice.chosen();
+  const auto best =
+      static_cast<std::size_t>(std::ranges::upper_bound(first, out.chosen) - first.begin()) - 1;
+  for (std::size_t k = 0; k < starts.size() && starts.size() > 1; ++k) {
+    if (k != best && first[k] < first[k + 1])
+      out.starts += compared(choice, starts[best].name, starts[k].name, first[k], first[k + 1]);
+    for (std::size_t i = first[k]; i < first[k + 1]; ++i)
+      out.table[i].name = starts[k].name + ": " + out.table[i].name;
   }
-  const Choice& choice = choices[best];
   const TrainedModel& from = starts[best].model;
   const bool by_alone = choice.is(alone);
   const Dataset& data = by_alone ? starts[best].own : starts[best].data;
