@@ -178,6 +178,19 @@ inline constexpr const char* crashed_without_wal = "crashed, no -wal";
 // contains the records up to the time of copying.
 inline constexpr const char* copy_of_open = "copy of an open run";
 
+// Description of a run, without which the values of its records have no meaning.
+struct RunHead {
+  std::string path;
+  RunInfo info;
+  std::vector<Axis> axes;
+  Antennas antennas;
+  std::vector<CalibrationEntry> calibrations;
+
+  std::optional<Axis> axis(const std::string& name) const;
+};
+
+struct RecordShapes;
+
 // Reads closed, live and crashed runs. Threading: one thread at a time.
 class RunReader {
  public:
@@ -194,11 +207,13 @@ class RunReader {
   RunReader& operator=(const RunReader&) = delete;
 
   const std::string& path() const { return path_; }
+  bool closed() const { return closed_; }  // true if the run no longer changes
   // Returns SQLite's side files next to a closed run; they are ignored.
   std::vector<std::string> leftovers() const;
   // Returns the row of the table `run`. If the status is "open" but no process is writing the run,
   // the status is replaced by "crashed", `crashed_without_wal` or `copy_of_open`.
   RunInfo info() const;
+  RunHead head() const;
   std::vector<DeviceInfo> devices() const;
   std::map<std::string, std::string> policies() const;  // "required" or "optional" by sensor
   std::vector<Anchor> anchors() const;
@@ -226,6 +241,7 @@ class RunReader {
                 const std::function<void(std::int64_t, const std::string&)>& on_bad = {},
                 SensorSet sensors = {Sensor::spd, Sensor::radar, Sensor::depth},
                 const InParallel& in_parallel = {}) const;
+  // Throws Error if the record is damaged, or CausedError(not_found) if it does not exist.
   FusedRecord read(std::int64_t index) const;
   // Reads everything except the values of the samples. Throws Error(failed) at the first fault.
   void read_all() const {
@@ -252,6 +268,10 @@ class RunReader {
   bool lacks_wal_ = false;   // true if no process writes the run and its -wal is missing or empty
   std::uint64_t bytes_ = 0;  // total size of the file and its -wal when they were opened
   std::unique_ptr<Budget> budget_;
+  // Kept by read(), because preparing the statement and reading the axes take ten times as long as
+  // reading a record.
+  mutable std::unique_ptr<Statement> record_;
+  mutable std::unique_ptr<const RecordShapes> shapes_;
 };
 
 // Adds an event of level "note" to a run; `who` is the source of the event. An open run is changed

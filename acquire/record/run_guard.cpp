@@ -7,6 +7,7 @@
 #include <set>
 
 #include "acquire/record/rows.hpp"
+#include "drivers/util/caused_error.hpp"
 #include "drivers/util/printable.hpp"
 #include "drivers/util/regular_file.hpp"
 
@@ -62,9 +63,9 @@ void check_identity(sqlite3* db, const std::string& path) {
   const std::string shown = printable(path);
   const int code = probe(db);
   if (code == SQLITE_BUSY || code == SQLITE_LOCKED)
-    throw Error(ExitCode::failed, shown + ": is in use by another program; try again");
+    throw CausedError(Cause::in_use, shown + ": is in use by another program; try again");
   if (code == SQLITE_IOERR || code == SQLITE_CANTOPEN || code == SQLITE_NOMEM)
-    throw Error(ExitCode::failed, shown + ": cannot be read: " + sqlite3_errmsg(db));
+    throw CausedError(Cause::unreadable, shown + ": cannot be read: " + sqlite3_errmsg(db));
   if (code == SQLITE_OK && pragma(db, path, "SELECT count(*) FROM sqlite_schema") == 0)
     throw Error(ExitCode::failed,
                 shown +
@@ -72,16 +73,17 @@ void check_identity(sqlite3* db, const std::string& path) {
                     "records were in " +
                     shown + "-wal, which is missing; look for a copy named *.rescued.sqlite");
   if (code != SQLITE_OK || pragma(db, path, "PRAGMA application_id") != application_id)
-    throw Error(ExitCode::failed, shown + (is_model(path) ? ": is a model; expected a run file"
-                                                          : ": not an echofuse run file"));
+    throw CausedError(Cause::other_format,
+                      shown + (is_model(path) ? ": is a model; expected a run file"
+                                              : ": not an echofuse run file"));
   const auto found = pragma(db, path, "PRAGMA user_version");
   if (found != format_version)
-    throw Error(ExitCode::failed,
-                shown + ": run format " + std::to_string(found) + ", expected " +
-                    std::to_string(format_version) + "; " +
-                    (found > format_version ? "use a newer echofuse"
-                     : found == 3           ? "convert it: python3 -m echofuse.runs.convert OLD NEW"
-                                            : "use the echofuse that recorded it"));
+    throw CausedError(Cause::other_format,
+                      shown + ": run format " + std::to_string(found) + ", expected " +
+                          std::to_string(format_version) + "; " +
+                          (found > format_version ? "use a newer echofuse"
+                           : found == 3 ? "convert it: python3 -m echofuse.runs.convert OLD NEW"
+                                        : "use the echofuse that recorded it"));
 }
 
 // Returns the advice to remove an entry from the schema, with the SQL statement that removes it.

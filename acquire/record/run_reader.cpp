@@ -15,12 +15,22 @@
 #include "acquire/record/side_files.hpp"
 #include "acquire/record/sqlite.hpp"
 #include "acquire/record/writer_lock.hpp"
+#include "drivers/util/caused_error.hpp"
 #include "drivers/util/format.hpp"
 
 namespace echofuse::record {
+
+struct RecordShapes {
+  Shapes columns;
+};
+
 namespace {
 
 constexpr std::int64_t most_points = 1 << 24;
+
+Error bad_record(const std::string& run, std::int64_t index, const std::string& fault) {
+  return {ExitCode::failed, run + ": record " + std::to_string(index) + ": " + fault};
+}
 
 std::uint64_t bytes_of(const std::string& path) {
   struct stat file {};
@@ -76,7 +86,8 @@ RunReader::RunReader(const std::string& path, const std::string& network)
       shown_(printable(path)),
       budget_(std::make_unique<Budget>()) {
   if (::access(path.c_str(), R_OK) != 0)
-    throw Error(ExitCode::failed, shown_ + ": " + std::strerror(errno) + "; expected a run file");
+    throw CausedError(cause_of(errno),
+                      shown_ + ": " + std::strerror(errno) + "; expected a run file");
   require_regular(path, ExitCode::failed);
   bytes_ = bytes_of(file_) + bytes_of(file_ + "-wal");
   *budget_ = Budget::of_file(bytes_);
@@ -157,7 +168,10 @@ std::vector<T> RunReader::rows(const std::string& tail) const {
   return out;
 }
 
-RunReader::~RunReader() { sqlite3_close(db_); }
+RunReader::~RunReader() {
+  record_.reset();  // because SQLite does not close a database that has statements
+  sqlite3_close(db_);
+}
 
 RunInfo RunReader::info() const {
   std::vector<RunInfo> found = rows<RunInfo>(" LIMIT 1");
@@ -170,6 +184,8 @@ RunInfo RunReader::info() const {
     info.status = lacks_wal_ ? crashed_without_wal : "crashed";
   return info;
 }
+
+RunHead RunReader::head() const { return {path_, info(), axes(), antennas(), calibrations()}; }
 
 std::vector<DeviceInfo> RunReader::devices() const {
   std::vector<DeviceInfo> out;
@@ -282,10 +298,15 @@ void RunReader::check_axis(const Axis& axis) const {
            std::to_string(bytes_) + " bytes");
 }
 
+std::optional<Axis> RunHead::axis(const std::string& name) const {
+  const auto found = std::ranges::find(axes, name, &Axis::name);
+  return found == axes.end() ? std::nullopt : std::optional(*found);
+}
+
 std::optional<Axis> RunReader::axis(const std::string& name) const {
-  for (auto& a : axes())
-    if (a.name == name) return a;
-  return std::nullopt;
+  RunHead head;
+  head.axes = axes();
+  return head.axis(name);
 }
 
 // Uses count(idx), because count(*) reads pages without checking the budget.
@@ -314,9 +335,7 @@ void RunReader::for_each(const std::function<bool(const FusedRecord&)>& visit, s
       for (std::size_t i = 0; i < some.size(); ++i) unpack_one(i);
     for (const StoredRecord& one : std::exchange(some, {})) {
       const std::int64_t index = one.record.index;
-      if (!one.fault.empty() && !on_bad)
-        throw Error(ExitCode::failed,
-                    shown_ + ": record " + std::to_string(index) + ": " + one.fault);
+      if (!one.fault.empty() && !on_bad) throw bad_record(shown_, index, one.fault);
       if (!one.fault.empty()) on_bad(index, one.fault);
       if (one.fault.empty() && !visit(one.record)) return false;
     }
@@ -351,20 +370,25 @@ void RunReader::for_each(const std::function<bool(const FusedRecord&)>& visit, s
   hand_over();
 }
 
+// Keeps the statement only if no error occurred, because a statement that has not been reset would
+// keep the writer of a live run from merging its WAL.
 FusedRecord RunReader::read(std::int64_t index) const {
-  FusedRecord found;
-  bool seen = false;
-  for_each(
-      [&](const FusedRecord& r) {
-        seen = r.index == index;
-        found = r;
-        return false;
-      },
-      index);
-  if (!seen)
-    throw Error(ExitCode::failed, shown_ + ": no record " + std::to_string(index) +
-                                      "; number of records: " + std::to_string(count()));
-  return found;
+  auto row = std::exchange(record_, nullptr);
+  if (!row) row.reset(new Statement(ask(table_of<StoredRecord>().select() + " WHERE idx = ?")));
+  budget_->left = budget_->all;
+  row->restart(budget_->bytes);
+  row->bind(index);
+  if (!row->step())
+    throw CausedError(Cause::not_found, shown_ + ": no record " + std::to_string(index) +
+                                            "; number of records: " + std::to_string(count()));
+  // Reads the axes after the row, because the next record of a live run may add an axis.
+  if (!shapes_ || !closed_) shapes_.reset(new RecordShapes{shapes_of(axes())});
+  StoredRecord one = stored_record(*row, {Sensor::spd, Sensor::radar, Sensor::depth});
+  if (one.fault.empty()) one.fault = unpack(one.blobs, shapes_->columns, one.record);
+  if (!one.fault.empty()) throw bad_record(shown_, index, one.fault);
+  row->restart();
+  record_ = std::move(row);
+  return std::move(one.record);
 }
 
 RunSummary RunReader::summary() const {
@@ -419,7 +443,7 @@ std::vector<FusedRecord> RunReader::records(const std::string& which) const {
     FusedRecord& r = out.emplace_back();
     static_cast<void>(take(row, r));  // invalid numbers are ignored
     if (const std::string fault = fault_of_slot(r); !fault.empty())
-      throw Error(ExitCode::failed, shown_ + ": record " + std::to_string(r.index) + ": " + fault);
+      throw bad_record(shown_, r.index, fault);
   }
   return out;
 }

@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "drivers/core/bytes.hpp"
-#include "drivers/util/exit_code.hpp"
+#include "drivers/util/caused_error.hpp"
 #include "drivers/util/printable.hpp"
 #include "drivers/util/regular_file.hpp"
 
@@ -32,10 +32,11 @@ inline Error damaged(const std::string& path) {
   const bool held = code == SQLITE_BUSY;
   const bool disk = held || code == SQLITE_FULL || code == SQLITE_IOERR ||
                     code == SQLITE_READONLY || code == SQLITE_CANTOPEN;
-  throw Error(
-      disk ? ExitCode::disk : ExitCode::failed,
-      printable(path) + ": " + doing + ": " +
-          (held ? "another program holds a write transaction" : printable(sqlite3_errmsg(db))));
+  const std::string place = printable(path) + ": " + doing + ": ";
+  if (held)
+    throw CausedError(Cause::in_use, place + "another program holds a write transaction",
+                      ExitCode::disk);
+  throw Error(disk ? ExitCode::disk : ExitCode::failed, place + printable(sqlite3_errmsg(db)));
 }
 
 // Returns the existing side files of a database.
@@ -138,9 +139,14 @@ class Statement {
   void run() {
     while (step()) {
     }
+    restart();
+  }
+  // Ends the current execution and resets all parameters to NULL. `most_bytes`: see the
+  // constructor.
+  void restart(std::int64_t most_bytes = std::numeric_limits<std::int64_t>::max()) {
     sqlite3_reset(handle_);
     sqlite3_clear_bindings(handle_);
-    bound_ = 0;
+    bound_ = 0, bytes_left_ = most_bytes;
   }
   void skip_column() { ++column_; }
   void take(std::int64_t& value) { value = integer(); }

@@ -9,13 +9,16 @@
 #include <cstring>
 #include <filesystem>
 
+#include "drivers/util/caused_error.hpp"
 #include "drivers/util/printable.hpp"
 
 namespace echofuse {
 namespace {
 
 [[noreturn]] void cannot_read(const std::string& path, ExitCode code) {
-  throw Error(code, printable(path) + ": cannot read: " + std::strerror(errno));
+  const int error = errno;
+  throw CausedError(cause_of(error), printable(path) + ": cannot read: " + std::strerror(error),
+                    code);
 }
 
 // Throws Error(code) unless the file is regular. `failed`: return value of stat() or fstat().
@@ -26,7 +29,8 @@ void check_file(int failed, const struct stat& file, const std::string& path, Ex
                            : S_ISFIFO(file.st_mode) ? "a FIFO"
                            : S_ISSOCK(file.st_mode) ? "a socket"
                                                     : "a device";
-  throw Error(code, printable(path) + ": is " + kind + "; expected a regular file");
+  throw CausedError(Cause::other_format,
+                    printable(path) + ": is " + kind + "; expected a regular file", code);
 }
 
 }  // namespace

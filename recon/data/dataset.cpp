@@ -49,10 +49,10 @@ void advise_large_pages(void* begin, std::size_t size) {
 // Appends the records of one run to a Dataset.
 class Appender {
  public:
-  Appender(Dataset& data, const record::RunReader& run, SensorSet sensors, DepthCheck* depths)
-      : data_(data), path_(run.path()), sensors_(sensors), depths_(depths) {
+  Appender(Dataset& data, const record::RunHead& run, SensorSet sensors, DepthCheck* depths)
+      : data_(data), path_(run.path), sensors_(sensors), depths_(depths) {
     Axis array;
-    for (const Axis& axis : run.axes()) {
+    for (const Axis& axis : run.axes) {
       if (axis.name == "spd" && sensors_.contains(Sensor::spd)) spd_ = axis;
       if (axis.name == "radar" && sensors_.contains(Sensor::radar)) radar_ = axis;
       if (axis.name == "array" && sensors_.contains(Sensor::radar)) array = axis;
@@ -61,18 +61,18 @@ class Appender {
     }
     subtracts_noise_ = radar_.quantity == "power_with_noise";
     if (subtracts_noise_) radar_.quantity = "power";
-    pile_up_ = PileUp(run, spd_);
+    pile_up_ = PileUp(run.info, spd_);
     if (array.count > 0) {
-      antennas_ = record::antennas_of(array), lags_ = SpatialLags(run.antennas());
+      antennas_ = record::antennas_of(array), lags_ = SpatialLags(run.antennas);
       array_ = lags_axis(array, lags_);
     }
     adopt(data.spd(), spd_, "spd");
     adopt(data.radar(), radar_, "radar");
     adopt_array();
-    adopt_map(run.axes());
+    adopt_map(run.axes);
     double radar_offset_m = 0, range_error_m = 0;
     SensorSet calibrated;
-    for (const auto& c : run.calibrations()) {
+    for (const auto& c : run.calibrations) {
       calibrated.insert(c.sensor), range_error_m = std::hypot(range_error_m, c.standard_error_m);
       if (c.sensor == Sensor::spd && data.spd().axis.unit == "ps")
         spd_offset_ps_ = c.offset_m * ps_per_m;
@@ -82,7 +82,7 @@ class Appender {
       const double ps = spd_offset_ps_ + zone.zero_ps;
       shifts_.push_back(ps == 0 ? std::nullopt : std::optional<Shift>(ps / spd_.step));
     }
-    const record::RunInfo info = run.info();
+    const record::RunInfo& info = run.info;
     for (const Source& other : data.sources)
       if (other.uuid == info.uuid)
         throw Error(ExitCode::failed,
@@ -293,7 +293,7 @@ void append(Dataset& data, const record::RunReader& run, std::int64_t first, std
   std::optional<Appender> appender;
   const auto to = [&]() -> Appender& {
     if (appender) return *appender;
-    appender.emplace(data, run, sensors, depths);
+    appender.emplace(data, run.head(), sensors, depths);
     appender->make_room(at_most);
     return *appender;
   };
@@ -357,6 +357,15 @@ Dataset load_part(const record::RunReader& run, std::int64_t first, std::size_t 
                   SensorSet sensors, const OnBadRecord& on_bad) {
   Dataset data;
   append(data, run, first, at_most, sensors, on_bad);
+  return data;
+}
+
+Dataset load_record(const record::RunHead& run, record::FusedRecord record, SensorSet sensors,
+                    std::string& fault) {
+  Dataset data;
+  record.valid = SensorSet::from_bits(record.valid.bits() & sensors.bits());
+  if (!record.has(Sensor::spd)) record.spd.clear();
+  fault = Appender(data, run, sensors, nullptr).add(record);
   return data;
 }
 

@@ -176,6 +176,11 @@ std::uint32_t crc32c_of(const Dataset& data);
 Dataset load_part(const record::RunReader& run, std::int64_t first, std::size_t at_most,
                   SensorSet sensors, const OnBadRecord& on_bad);
 
+// Converts one record of a run, without the tables of sensors that are not in `sensors`. Returns no
+// records and sets `fault` if the record is unusable.
+Dataset load_record(const record::RunHead& run, record::FusedRecord record, SensorSet sensors,
+                    std::string& fault);
+
 // Shifts the radar profiles and lags to shorter ranges, by `offset_m` plus the calibration offset
 // that has not yet been subtracted (Source::radar_offset_m). Does not change the axis.
 void subtract_range_offset(Dataset& data, double offset_m);

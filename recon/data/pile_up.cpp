@@ -9,8 +9,7 @@
 
 namespace echofuse::recon {
 
-PileUp::PileUp(const record::RunReader& run, const Axis& spd) {
-  const record::RunInfo info = run.info();
+PileUp::PileUp(const record::RunInfo& info, const Axis& spd) {
   const auto detector = record::detector_of(info.meta);
   if (!detector || spd.unit != "ps") return;
   *this = PileUp(detector->dead_time_ps, info.window_s, spd.step);

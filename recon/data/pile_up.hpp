@@ -20,7 +20,7 @@ class PileUp {
   PileUp() = default;  // the detector is unknown, so that counts are not corrected
   // Uses the detector described in the run (record::detector_of). The detector is unknown if the
   // run does not describe it, or if the axis `spd` is not in ps.
-  PileUp(const record::RunReader& run, const Axis& spd);
+  PileUp(const record::RunInfo& info, const Axis& spd);
 
   // If the dead time is infinite, only the first photon of each pulse is counted, and the detector
   // is ready again at the next pulse. `window_s`: slot duration, s.

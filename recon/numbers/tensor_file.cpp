@@ -10,8 +10,8 @@
 #include <tuple>
 
 #include "drivers/core/crc32c.hpp"
+#include "drivers/util/caused_error.hpp"
 #include "drivers/util/console.hpp"
-#include "drivers/util/exit_code.hpp"
 #include "drivers/util/printable.hpp"
 #include "recon/numbers/blas.hpp"
 
@@ -90,7 +90,7 @@ void TensorFile::refuse(const std::string& object, const std::string& why) const
 
 TensorFile::TensorFile(std::string path, ByteView contents) : path_(std::move(path)) {
   const auto refuse_file = [&](const std::string& why) {
-    throw Error(ExitCode::failed, path_ + ": " + why);
+    throw CausedError(Cause::other_format, path_ + ": " + why);
   };
   ByteReader in(contents);
   const auto length = in.get<std::uint64_t>();
@@ -111,7 +111,7 @@ TensorFile::TensorFile(std::string path, ByteView contents) : path_(std::move(pa
   const std::string said = header.substr(mark + 10, 8);
   header.replace(mark + 10, 8, no_crc);
   const std::uint32_t crc = crc32c(values, crc32c(as_bytes(header), crc32c(contents.first(8))));
-  if (said != hex(crc)) refuse_file("damaged: checksum mismatch");
+  if (said != hex(crc)) throw Error(ExitCode::failed, path_ + ": damaged: checksum mismatch");
   parse(header, values);
 }
 
@@ -167,7 +167,7 @@ void TensorFile::parse(const std::string& header, ByteView values) try {
       refuse(name, "expected a number or a string");
   }
 } catch (const json::exception&) {
-  throw Error(ExitCode::failed, path_ + ": not a model file: invalid JSON header");
+  throw CausedError(Cause::other_format, path_ + ": not a model file: invalid JSON header");
 }
 
 Bytes TensorFile::to_bytes() const {

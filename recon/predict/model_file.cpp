@@ -7,6 +7,7 @@
 #include <cstring>
 #include <filesystem>
 
+#include "drivers/util/caused_error.hpp"
 #include "drivers/util/console.hpp"
 #include "drivers/util/new_file.hpp"
 #include "recon/data/files.hpp"
@@ -64,7 +65,7 @@ void check_list(const Archive& archive, const TrainedModel& model) {
   }
 }
 
-void check_format(Archive archive) {
+void check_format(Archive archive) try {
   std::string format = "echofuse model";
   archive.text("format", format, {format});
   std::int64_t found = format_version;
@@ -73,6 +74,8 @@ void check_format(Archive archive) {
       found == format_version, "format_version",
       "is " + std::to_string(found) + "; expected " + std::to_string(format_version) +
           (found > format_version ? ": use a newer echofuse" : ": train the model again"));
+} catch (const Error& error) {
+  throw CausedError(Cause::other_format, error.what(), error.code());
 }
 
 void archive(Archive archive, TrainedModel& model) {
@@ -128,7 +131,8 @@ TrainedModel load_model(const std::string& name, ByteView contents) {
 
 TrainedModel load_model(const std::string& path) {
   if (::access(path.c_str(), R_OK) != 0)
-    throw Error(ExitCode::failed, path + ": " + std::strerror(errno) + "; expected a model file");
+    throw CausedError(cause_of(errno),
+                      path + ": " + std::strerror(errno) + "; expected a model file");
   return load_model(path, read_file(path));
 }
 
