@@ -89,17 +89,17 @@ for folder, places in vague_counts.items():
 # Optional parts (.github/ARCHITECTURE.md). The identifiers of a part should be used in at most five product source
 # files outside that part.
 # Each entry contains a pattern for identifiers, a pattern for the part's own files, and the maximum number of other
-# files that may use the identifiers.
+# files that may use the identifiers. The public interface is not counted, because its purpose is to name every part.
 # The limits may be lowered but not raised.
 wings = {
     "response": (r"(radar|any|stated|widest|to)_response|RadarResponse|record::Response\b|response_(of|keys|filter|fit)",
                  r"/response", 15),
     "empty room": (r"empty_room|EmptyRoom|--empty", r"/empty_room\.|^sim/", 7),
-    "verdict": (r"[Vv]erdict", r"/verdicts?\.", 25),
-    "zones": (r"[Zz]one|histograms_of", r"/zone(_fields)?\.", 46),
-    "calibration": (r"[Cc]alibrat", r"/calibrat", 39),
+    "verdict": (r"[Vv]erdict", r"/verdicts?\.", 23),
+    "zones": (r"[Zz]one|histograms_of", r"/zone(_fields)?\.", 42),
+    "calibration": (r"[Cc]alibrat", r"/calibrat", 37),
     "antennas": (r"[Aa]ntenna|RadarArray|radar_array", r"array|antenna", 73),
-    "trust": (r"[Oo]ut_?[Oo]f_?[Dd]istribution|[Dd]omain_?[Ss]hift|[Uu]ncertainty|[Pp]ixel_?[Ee]rror", r"^recon/trust/", 24),
+    "trust": (r"[Oo]ut_?[Oo]f_?[Dd]istribution|[Dd]omain_?[Ss]hift|[Uu]ncertainty|[Pp]ixel_?[Ee]rror", r"^recon/trust/", 22),
     "fine-tuning": (r"[Cc]ross_?[Vv]alid|\btune|Tun(ed|ing)", r"/(tune|crossvalidate|choice)\.", 14),
     "pile-up": (r"pile_up|dead_time|first_photon", r"/pile_up\.", 15),
     "letters": (r"[Ll]etter", r"letter", 14),
@@ -109,7 +109,7 @@ wings = {
     "multipath": (r"[Mm]ultipath", r"/multipath_", 3),
     "meshes": (r"\b[Mm]esh|_mesh", r"/mesh\.", 3)}
 product = {name: re.sub(r"//.*", "", (root / name).read_text(encoding="utf-8"))
-           for name in (str(pathlib.Path(source).relative_to(root)) for source in sources) if not name.startswith("tests/")}
+           for name in (str(pathlib.Path(source).relative_to(root)) for source in sources) if not name.startswith(("tests/", "recon/api/", "recon/include/"))}
 for wing, (identifier, own, limit) in wings.items():
     named = [name for name, code in product.items() if not re.search(own, name) and re.search(identifier, code)]
     if len(named) > limit:

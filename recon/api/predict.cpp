@@ -49,10 +49,10 @@ void put_row(Column& column, const ColumnAxis& axis, std::span<const float> valu
   std::ranges::copy(values, column.row(0).begin());
 }
 
-// Makes a one-record data set on the model's axes. The ranges of `counts` and `power` must be free
-// of bias.
-Dataset dataset_of(const TrainedModel& model, std::span<const float> counts,
-                   std::span<const float> power) {
+// Makes a one-record data set on the model's axes. The ranges of `spd` and `radar` must be free of
+// bias.
+Dataset dataset_of(const TrainedModel& model, std::span<const float> spd,
+                   std::span<const float> radar) {
   const Features& takes = model->features;
   Dataset data;
   data.map = model->scene.grid;
@@ -60,12 +60,12 @@ Dataset dataset_of(const TrainedModel& model, std::span<const float> counts,
   SensorSet valid;
   if (takes.spd_count() > 0) {
     // Arrays state no directions of the zones, so those of the model are assumed.
-    put_row(data.spd(), takes.axes.spd, counts, "counts", 0.0F);
-    if (!counts.empty()) valid.insert(Sensor::spd);
+    put_row(data.spd(), takes.axes.spd, spd, "spd", 0.0F);
+    if (!spd.empty()) valid.insert(Sensor::spd);
   }
   if (takes.radar_count() > 0) {
-    put_row(data.radar(), takes.axes.radar, power, "power");
-    if (!power.empty()) valid.insert(Sensor::radar);
+    put_row(data.radar(), takes.axes.radar, radar, "radar");
+    if (!radar.empty()) valid.insert(Sensor::radar);
   }
   data.valid = {valid.bits()};
   data.index = {0}, data.slot_end = {HostTime{}}, data.clicks_per_pulse = {0}, data.label = {""};
@@ -74,13 +74,26 @@ Dataset dataset_of(const TrainedModel& model, std::span<const float> counts,
   return data;
 }
 
+DepthMap map_of(const TrainedModel& model, Dataset data) {
+  const bool complete = data.has_inputs(0, model.for_run(data).features.inputs);
+  DepthMap out =
+      public_map(map_record(model, std::move(data), fullest_detail(model)), model->scene);
+  if (!out.fault.empty())
+    out.fault_code = complete ? FaultCode::constant_values : FaultCode::sensor_missing;
+  return out;
+}
+
 }  // namespace
 
-Model::Model(const std::string& path) {
-  TrainedModel model = recon::load_model(path);
-  std::string inputs = name_of(model->features.inputs);
-  file_ = std::make_shared<File>(std::move(model), std::move(inputs));
-}
+Exception::Exception(ErrorCode code, const std::string& text)
+    : std::runtime_error(text), code_(code) {}
+
+Model::Model(const std::string& path)
+    : file_(guarded(ErrorCode::damaged, [&] {
+        TrainedModel model = recon::load_model(path);
+        std::string inputs = name_of(model->features.inputs);
+        return std::make_shared<File>(std::move(model), std::move(inputs));
+      })) {}
 
 const std::string& Model::name() const { return file_->model->name; }
 const std::string& Model::inputs() const { return file_->inputs; }
@@ -96,17 +109,22 @@ RunAxis Model::radar_axis() const {
 std::size_t Model::zones() const { return file_->model->features.axes.spd.zones.size(); }
 MapGrid Model::grid() const { return public_grid(file_->model->scene.grid); }
 
-DepthMap predict(const Model& model, const Run& run, std::int64_t index) {
+DepthMap predict(const Model& model, const Record& record) {
   const TrainedModel& trained = Internals::model(model);
-  return public_map(map_record(trained, Internals::reader(run), index, fullest_detail(trained)),
-                    trained->scene);
+  const Internals::RecordContents& contents = Internals::contents(record);
+  return guarded(ErrorCode::usage, [&] {
+    DepthMap out;
+    Dataset data = recon::load_record(*contents.run, contents.record,
+                                      sensors_of(trained->features.inputs), out.fault);
+    if (!out.fault.empty()) return out.fault_code = FaultCode::damaged, out;
+    return map_of(trained, std::move(data));
+  });
 }
 
-DepthMap predict(const Model& model, std::span<const float> counts, std::span<const float> power) {
+DepthMap predict(const Model& model, std::span<const float> spd, std::span<const float> radar) {
   const TrainedModel& trained = Internals::model(model);
-  return public_map(
-      map_record(trained, dataset_of(trained, counts, power), fullest_detail(trained)),
-      trained->scene);
+  return guarded(ErrorCode::usage,
+                 [&] { return map_of(trained, dataset_of(trained, spd, radar)); });
 }
 
 }  // namespace echofuse

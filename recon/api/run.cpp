@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: MIT
 #include "echofuse/run.hpp"
 
+#include <algorithm>
+#include <iterator>
+
 #include "acquire/record/follow.hpp"
 #include "acquire/record/run_names.hpp"
 #include "recon/api/internals.hpp"
@@ -17,84 +20,149 @@ MapGrid public_grid(const record::MapGrid& grid) {
 
 namespace {
 
-SensorReport report_of(const record::FusedRecord& record, Sensor sensor) {
+using Head = std::shared_ptr<const record::RunHead>;
+
+SensorQuality quality_of(const record::FusedRecord& record, Sensor sensor) {
   const record::SensorSync& sync = record.sync[sensor];
-  return {record.has(sensor), sync.verdict.text(), sync.used, sync.lost};
+  return {record.has(sensor),  static_cast<VerdictCode>(sync.verdict.kind),
+          sync.verdict.word(), sync.verdict.figures,
+          sync.used,           sync.lost};
 }
 
-// Converts records of one run to the types and units of the public interface.
-class Converter {
- public:
-  explicit Converter(const record::RunReader& run)
-      : x_(run.axis("depth_x").value_or(Axis{})),
-        y_(run.axis("depth_y").value_or(Axis{})),
-        grid_(record::map_grid_of(run.axes())) {}
+StatusCode code_of(const std::string& status) {
+  if (status == "open") return StatusCode::open;
+  if (status == "complete") return StatusCode::complete;
+  if (status == record::copy_of_open) return StatusCode::copy;
+  return status.starts_with("crashed") ? StatusCode::crashed : StatusCode::stopped;
+}
 
-  Record operator()(const record::FusedRecord& record) const {
-    auto out = std::make_shared<Internals::RecordContents>(record);
-    if (record.has(Sensor::depth)) out->depth_m = to_target(record.depth_mm, x_, y_, grid_);
-    return Internals::record(std::move(out));
-  }
+Head head_of(const Internals::RunFile& file) {
+  if (!file.head || !file.reader->closed())
+    file.head = std::make_shared<record::RunHead>(file.reader->head());
+  return file.head;
+}
 
- private:
-  Axis x_, y_;
-  record::MapGrid grid_;
-};
+Record public_record(const Head& run, record::FusedRecord record) {
+  std::vector<float> map;
+  if (record.has(Sensor::depth))
+    map = to_target(record.depth_mm, run->axis("depth_x").value_or(Axis{}),
+                    run->axis("depth_y").value_or(Axis{}), record::map_grid_of(run->axes));
+  return Internals::record(
+      std::make_shared<Internals::RecordContents>(std::move(record), std::move(map), run));
+}
+
+// Returns the rows of a list as objects of the public type T.
+template <class T, class Rows, class Convert>
+std::vector<T> public_list(const Rows& rows, const Convert& convert) {
+  std::vector<T> out;
+  std::ranges::transform(rows, std::back_inserter(out), convert);
+  return out;
+}
 
 }  // namespace
 
 std::int64_t Record::index() const { return contents_->record.index; }
-std::chrono::nanoseconds Record::start_utc() const { return contents_->record.slot_utc; }
+std::chrono::sys_time<std::chrono::nanoseconds> Record::time() const {
+  return std::chrono::sys_time<std::chrono::nanoseconds>(contents_->record.slot_utc);
+}
 std::chrono::nanoseconds Record::length() const {
   return contents_->record.slot_end - contents_->record.slot_start;
 }
 const std::string& Record::label() const { return contents_->record.label; }
-SensorReport Record::spd() const { return report_of(contents_->record, Sensor::spd); }
-SensorReport Record::radar() const { return report_of(contents_->record, Sensor::radar); }
-SensorReport Record::camera() const { return report_of(contents_->record, Sensor::depth); }
-std::span<const std::uint32_t> Record::counts() const { return contents_->record.spd; }
-std::span<const float> Record::power() const { return contents_->record.radar; }
-std::span<const float> Record::depth_m() const { return contents_->depth_m; }
+SensorQuality Record::spd_quality() const { return quality_of(contents_->record, Sensor::spd); }
+SensorQuality Record::radar_quality() const { return quality_of(contents_->record, Sensor::radar); }
+SensorQuality Record::depth_quality() const { return quality_of(contents_->record, Sensor::depth); }
+std::span<const std::uint32_t> Record::spd() const { return contents_->record.spd; }
+std::span<const float> Record::radar() const { return contents_->record.radar; }
+std::span<const float> Record::array() const { return contents_->record.array; }
+std::span<const float> Record::map() const { return contents_->map; }
 
 Run::Run(const std::string& path)
-    : file_(std::make_shared<File>(path,
-                                   std::make_shared<record::RunReader>(record::old_run(path)))) {}
+    : file_(guarded(ErrorCode::damaged, [&] {
+        return std::make_shared<File>(path,
+                                      std::make_shared<record::RunReader>(record::old_run(path)));
+      })) {}
 
 const std::string& Run::path() const { return file_->path; }
 
-RunFacts Run::facts() const {
-  record::RunInfo info = file_->reader->info();
-  return {std::move(info.uuid),   std::move(info.started_utc), std::move(info.ended_utc),
-          std::move(info.status), std::move(info.notes),       info.window_s,
+RunInfo Run::info() const {
+  record::RunInfo info = guarded(ErrorCode::damaged, [&] { return file_->reader->info(); });
+  const StatusCode code = code_of(info.status);
+  return {std::move(info.uuid),
+          std::move(info.started_utc),
+          std::move(info.ended_utc),
+          std::move(info.status),
+          code,
+          std::move(info.notes),
+          info.window_s,
           std::move(info.meta)};
 }
 
-std::int64_t Run::count() const { return file_->reader->count(); }
+std::int64_t Run::count() const {
+  return guarded(ErrorCode::damaged, [&] { return file_->reader->count(); });
+}
 
 std::optional<RunAxis> Run::axis(const std::string& name) const {
-  const std::optional<Axis> found = file_->reader->axis(name);
+  const auto found = guarded(ErrorCode::damaged, [&] { return head_of(*file_)->axis(name); });
   return found ? std::optional(public_axis(*found)) : std::nullopt;
 }
 
-std::size_t Run::zones() const { return file_->reader->axis("spd").value_or(Axis{}).zones.size(); }
+std::vector<DetectorZone> Run::zones() const {
+  const Head run = guarded(ErrorCode::damaged, [&] { return head_of(*file_); });
+  const Zones zones = run->axis("spd").value_or(Axis{}).zones;
+  if (zones == single_pixel()) return {};
+  return public_list<DetectorZone>(zones, [](const Zone& zone) {
+    return DetectorZone{zone.x, zone.y, zone.width, zone.zero_ps};
+  });
+}
 
-MapGrid Run::grid() const { return public_grid(record::map_grid_of(file_->reader->axes())); }
+std::vector<RadarAntenna> Run::antennas() const {
+  const Head run = guarded(ErrorCode::damaged, [&] { return head_of(*file_); });
+  return public_list<RadarAntenna>(run->antennas, [](const record::Antenna& antenna) {
+    return RadarAntenna{antenna.x, antenna.y, antenna.gain, antenna.phase_rad};
+  });
+}
+
+std::vector<SensorCalibration> Run::calibrations() const {
+  const Head run = guarded(ErrorCode::damaged, [&] { return head_of(*file_); });
+  return public_list<SensorCalibration>(
+      run->calibrations, [](const record::CalibrationEntry& entry) {
+        return SensorCalibration{name_of(entry.sensor), entry.date_utc, entry.method,
+                                 entry.distance_m,      entry.offset_m, entry.standard_error_m};
+      });
+}
+
+std::vector<RunEvent> Run::events() const {
+  const auto events = guarded(ErrorCode::damaged, [&] { return file_->reader->events(); });
+  return public_list<RunEvent>(events, [](const record::Event& event) {
+    return RunEvent{event.utc, event.level, event.source, event.text};
+  });
+}
+
+MapGrid Run::grid() const {
+  return guarded(ErrorCode::damaged,
+                 [&] { return public_grid(record::map_grid_of(head_of(*file_)->axes)); });
+}
 
 Record Run::read(std::int64_t index) const {
-  // Reads the record before its axes, because the next record of a run in progress may add an axis.
-  const record::FusedRecord record = file_->reader->read(index);
-  return Converter(*file_->reader)(record);
+  return guarded(ErrorCode::damaged, [&] {
+    // Reads the record before its axes, because the next record of a live run may add an axis.
+    record::FusedRecord record = file_->reader->read(index);
+    return public_record(head_of(*file_), std::move(record));
+  });
 }
 
 void Run::for_each(const std::function<bool(const Record&)>& visit, std::int64_t first,
                    const OnDamaged& on_damaged) const {
-  std::optional<Converter> convert;
-  file_->reader->for_each(
-      [&](const record::FusedRecord& record) {
-        if (!convert) convert.emplace(*file_->reader);
-        return visit((*convert)(record));
-      },
-      first, on_damaged);
+  Head run;
+  guarded(ErrorCode::damaged, [&] {
+    file_->reader->for_each(
+        [&](const record::FusedRecord& record) {
+          if (!run) run = head_of(*file_);
+          return visit(public_record(run, record));
+        },
+        first, on_damaged);
+  });
 }
 
 void follow(const std::string& path, const std::function<bool(const Run&, const Record&)>& visit,
@@ -117,7 +185,9 @@ void follow(const std::string& path, const std::function<bool(const Run&, const 
         first, on_damaged ? OnDamaged(skip) : OnDamaged());
     return first != before;
   };
-  record::follow(record::old_run(path), take, [&] { return wanted && (!go_on || go_on()); });
+  guarded(ErrorCode::damaged, [&] {
+    record::follow(record::old_run(path), take, [&] { return wanted && (!go_on || go_on()); });
+  });
 }
 
 }  // namespace echofuse

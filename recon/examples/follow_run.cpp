@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Follows a run while it is being recorded, and prints the depth at the centre of each map. Exits
 // at the end of the run or on Ctrl-C.
-//   g++ -std=c++20 follow_run.cpp $(pkg-config --static --cflags --libs echofuse) -o follow_run
+//   g++ -std=c++20 follow_run.cpp $(pkg-config --cflags --libs echofuse) -o follow_run
 //   ./follow_run fused.safetensors monday
 #include <csignal>
 #include <cstdio>
@@ -33,8 +33,8 @@ int main(int count, char** words) try {
   const echofuse::Model model(words[1]);
   echofuse::follow(
       words[2],
-      [&](const echofuse::Run& run, const echofuse::Record& record) {
-        print(record, echofuse::predict(model, run, record.index()), model.grid().size);
+      [&](const echofuse::Run&, const echofuse::Record& record) {
+        print(record, echofuse::predict(model, record), model.grid().size);
         return true;
       },
       0, [] { return stopped == 0; },

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Prints the label, the number of clicks and the range of the histogram peak for each record of a
 // run.
-//   g++ -std=c++20 read_run.cpp $(pkg-config --static --cflags --libs echofuse) -o read_run
+//   g++ -std=c++20 read_run.cpp $(pkg-config --cflags --libs echofuse) -o read_run
 //   ./read_run monday
 #include <algorithm>
 #include <cstdio>
@@ -12,15 +12,15 @@
 namespace {
 
 void print(const echofuse::Run& run) {
-  const auto facts = run.facts();
-  std::printf("%s: %s, %lld records of %g s\n", run.path().c_str(), facts.status.c_str(),
-              static_cast<long long>(run.count()), facts.window_s);
+  const auto info = run.info();
+  std::printf("%s: %s, %lld records of %g s\n", run.path().c_str(), info.status.c_str(),
+              static_cast<long long>(run.count()), info.window_s);
   const auto time = run.axis("spd");
   run.for_each([&](const echofuse::Record& record) {
     std::printf("record %lld %s: ", static_cast<long long>(record.index()), record.label().c_str());
-    const auto counts = record.counts();
+    const auto counts = record.spd();
     if (!time || counts.empty()) {
-      std::printf("SPD %s\n", record.spd().verdict.c_str());
+      std::printf("SPD %s\n", record.spd_quality().verdict.c_str());
       return true;
     }
     const long long clicks = std::accumulate(counts.begin(), counts.end(), 0LL);

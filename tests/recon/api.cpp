@@ -21,6 +21,17 @@ std::string trained(const Folder& dir, const std::string& model) {
   return dir / "m";
 }
 
+// Returns the exception that `body` throws.
+template <class Body>
+Exception thrown_by(const Body& body) {
+  try {
+    body();
+  } catch (const Exception& exception) {
+    return exception;
+  }
+  return {ErrorCode{}, "no exception"};
+}
+
 }  // namespace
 
 TEST_CASE("records read through the API contain the values of the run file") {
@@ -32,21 +43,23 @@ TEST_CASE("records read through the API contain the values of the run file") {
   }).write(dir / "run");
   const Run run(dir / "run");
   const record::RunReader reader(dir / "run");
-  CHECK(run.facts().uuid == reader.info().uuid);
-  CHECK(run.facts().status == "complete");
+  CHECK(run.info().uuid == reader.info().uuid);
+  CHECK(run.info().status == "complete");
   CHECK(run.count() == 3);
-  CHECK(run.zones() == 1);
+  CHECK(run.zones().empty());
+  CHECK(run.info().status_code == StatusCode::complete);
   CHECK(run.axis("radar")->unit == "m");
   CHECK(run.axis("spd")->at(2) == spd_axis().at(2));
   CHECK_FALSE(run.axis("nonsense"));
   const record::FusedRecord stored = reader.read(2);
   const Record record = run.read(2);
-  CHECK(std::ranges::equal(record.counts(), counts(stored)));
-  CHECK(std::ranges::equal(record.power(), power(stored)));
-  CHECK(record.depth_m().size() == run.grid().pixels());
-  CHECK(record.depth_m()[32 * 64] == float(depth_mm(stored)[32 * 64]) / 1000);
+  CHECK(std::ranges::equal(record.spd(), counts(stored)));
+  CHECK(std::ranges::equal(record.radar(), power(stored)));
+  CHECK(record.map().size() == run.grid().pixels());
+  CHECK(record.map()[32 * 64] == float(depth_mm(stored)[32 * 64]) / 1000);
   CHECK(record.label() == stored.label);
-  CHECK(record.camera().valid);
+  CHECK(record.depth_quality().valid);
+  CHECK(record.time().time_since_epoch() == stored.slot_utc);
   const Axis x = record::MapGrid{}.x(), y = record::MapGrid{}.y();
   CHECK(run.grid().x(5) == Approx(x.at(5)));
   CHECK(run.grid().y(5) == Approx(y.at(5)));
@@ -54,9 +67,11 @@ TEST_CASE("records read through the API contain the values of the run file") {
   run.for_each([&](const Record& r) { return seen.push_back(r.index()), r.index() < 1; });
   CHECK(seen == std::vector<std::int64_t>{0, 1});
   const Record missing = run.read(1);
-  CHECK(missing.counts().empty());
-  CHECK_FALSE(missing.spd().valid);
-  CHECK(missing.spd().verdict == "missing: no tags");
+  CHECK(missing.spd().empty());
+  CHECK_FALSE(missing.spd_quality().valid);
+  CHECK(missing.spd_quality().verdict_code == VerdictCode::missing);
+  CHECK(missing.spd_quality().verdict == "missing");
+  CHECK(missing.spd_quality().figures == "no tags");
 }
 
 TEST_CASE("the API predicts the same depth map as the model, from a record or from arrays") {
@@ -73,7 +88,7 @@ TEST_CASE("the API predicts the same depth map as the model, from a record or fr
   CHECK(model.spd_axis().count == 30);
   CHECK(model.grid().pixels() == 64 * 64);
   for (std::int64_t i = 0; i < run.count(); ++i) {
-    const DepthMap map = predict(model, run, i);
+    const DepthMap map = predict(model, run.read(i));
     const auto row = static_cast<std::size_t>(i);
     const recon::Matrix maps = whole.predict(records.data, {row});
     CHECK(map.depth_m == recon::thresholded_map(maps.row(0), whole->scene));
@@ -81,8 +96,8 @@ TEST_CASE("the API predicts the same depth map as the model, from a record or fr
     CHECK(map.body->z_m == Approx(recon::body_place(maps.row(0), whole->scene).z_m));
     CHECK(map.deviation_m.size() == (model.calibrated() ? 64u * 64 : 0u));
     const Record record = run.read(i);
-    const std::vector<float> counts(record.counts().begin(), record.counts().end());
-    CHECK(predict(model, counts, record.power()).depth_m == map.depth_m);
+    const std::vector<float> counts(record.spd().begin(), record.spd().end());
+    CHECK(predict(model, counts, record.radar()).depth_m == map.depth_m);
   }
 }
 
@@ -99,9 +114,10 @@ TEST_CASE("the API predicts the same depth map from the arrays of three zones as
   const Run run(dir / "fresh");
   for (std::int64_t i = 0; i < run.count(); ++i) {
     const Record record = run.read(i);
-    const std::vector<float> counts(record.counts().begin(), record.counts().end());
+    const std::vector<float> counts(record.spd().begin(), record.spd().end());
     REQUIRE(counts.size() == 90);
-    const DepthMap map = predict(model, run, i), of_arrays = predict(model, counts, record.power());
+    const DepthMap map = predict(model, run.read(i)),
+                   of_arrays = predict(model, counts, record.radar());
     REQUIRE(map.fault.empty());
     CHECK(of_arrays.depth_m == map.depth_m);
     CHECK(of_arrays.deviation_m == map.deviation_m);
@@ -114,21 +130,96 @@ TEST_CASE("the API returns an error message instead of a map if a sensor is miss
   a_run(1, 2, [](FusedRecord& r) {
     r.valid.erase(Sensor::radar), power(r).clear();
   }).write(dir / "fresh");
-  const DepthMap map = predict(model, Run(dir / "fresh"), 0);
+  const DepthMap map = predict(model, Run(dir / "fresh").read(0));
   CHECK_THAT(map.fault, Catch::Contains("radar"));
   CHECK(map.depth_m.empty());
   CHECK(predict(model, std::vector<float>(30, 5), {}).fault == map.fault);
-  CHECK_THAT(predict(model, Run(dir / "fresh"), 7).fault, Catch::Contains("cannot read"));
+  CHECK(map.fault_code == FaultCode::sensor_missing);
+  CHECK(predict(model, std::vector<float>(30, 5), std::vector<float>(24, 1)).fault_code ==
+        FaultCode::constant_values);
+}
+
+TEST_CASE("zones, calibrations and events read through the API equal those of the run file") {
+  const Folder dir;
+  const auto add_event = [](record::RunWriter& writer) {
+    writer.put_event(UtcTime{}, Severity::warning, "radar", "restarted");
+  };
+  nine_zones(2).begin(add_event).write(dir / "run");
+  const Run run(dir / "run");
+  const Zones zones = record::RunReader(dir / "run").axis("spd")->zones;
+  REQUIRE(run.zones().size() == 9);
+  CHECK(run.zones()[8].x == zones[8].x);
+  CHECK(run.zones()[8].zero_ps == zones[8].zero_ps);
+  REQUIRE(run.calibrations().size() == 2);
+  CHECK(run.calibrations()[0].sensor == "spd");
+  CHECK(run.calibrations()[0].offset_m == 0.31);
+  REQUIRE(run.events().size() == 1);
+  CHECK(run.events()[0].source == "radar");
+  CHECK(run.events()[0].text == "restarted");
+}
+
+TEST_CASE("antennas and their statistics read through the API equal those of the run file") {
+  const Folder dir;
+  a_run(2).antennas({{0, 0, 1, 0}, {1, 0, 1.3, 0.4}, {2, 0, 0.8, -1}}).write(dir / "run");
+  const Run run(dir / "run");
+  REQUIRE(run.antennas().size() == 3);
+  CHECK(run.antennas()[1].gain == 1.3);
+  const Record record = run.read(1);
+  const record::FusedRecord stored = record::RunReader(dir / "run").read(1);
+  const auto array = record.array();
+  CHECK(array.size() == run.axis("array")->count * (3 * 5 + 2));
+  CHECK(std::ranges::equal(array, antenna_data(stored)));
+}
+
+TEST_CASE("a record can be used after its run has been closed, and from several threads") {
+  const Folder dir;
+  const Model model(trained(dir, "ridge"));
+  const Record record = Run(dir / "train").read(3);
+  const std::vector<float> depth_m = predict(model, record).depth_m;
+  std::atomic<int> equal = 0;
+  std::vector<std::thread> threads;
+  for (int i = 0; i < 4; ++i)
+    threads.emplace_back([&] { equal += predict(model, record).depth_m == depth_m; });
+  for (std::thread& thread : threads) thread.join();
+  CHECK(equal == 4);
+}
+
+TEST_CASE("exceptions of the API have the code of their cause") {
+  const Folder dir;
+  const Model model(trained(dir, "ridge"));
+  const auto open = [&](const char* name) {
+    return thrown_by([&] { return Run(dir / name); }).code();
+  };
+  const auto load = [&](const char* name) {
+    return thrown_by([&] { return Model(dir / name); }).code();
+  };
+  a_run(4).write(dir / "run");
+  damage(dir / "run", "histogram of one byte in record ?1", {1});
+  std::filesystem::copy(dir / "m", dir / "cut");
+  std::filesystem::resize_file(dir / "cut", std::filesystem::file_size(dir / "m") - 9);
+  const Record other = Run(one_pixel().write(dir / "other")).read(0);
+  CHECK(open("none") == ErrorCode::not_found);
+  CHECK(open("m") == ErrorCode::other_format);
+  CHECK(open("cut") == ErrorCode::other_format);
+  CHECK(load("none") == ErrorCode::not_found);
+  CHECK(load("run") == ErrorCode::other_format);
+  CHECK(load("cut") == ErrorCode::damaged);
+  CHECK(thrown_by([&] { return Run(dir / "run").read(1); }).code() == ErrorCode::damaged);
+  CHECK(thrown_by([&] { return Run(dir / "run").read(4); }).code() == ErrorCode::not_found);
+  CHECK(thrown_by([&] { return predict(model, other); }).code() == ErrorCode::usage);
 }
 
 TEST_CASE("the API refuses invalid files and input values and states the reason") {
   const Folder dir;
-  CHECK_THAT(error_of([&] { Run(dir / "none"); }), Catch::Contains("none"));
-  CHECK_THAT(error_of([&] { Model(dir / "none"); }), Catch::Contains("expected a model file"));
+  CHECK_THAT(std::string(thrown_by([&] { return Run(dir / "none"); }).what()),
+             Catch::Contains("none"));
+  CHECK_THAT(std::string(thrown_by([&] { return Model(dir / "none"); }).what()),
+             Catch::Contains("expected a model file"));
   const Model model(trained(dir, "ridge"));
   const std::vector<float> power(24, 1);
-  CHECK_THAT(error_of([&] { predict(model, std::vector<float>(29), power); }),
-             Catch::Contains("counts: 29 values; the model expects 30 finite values"));
+  CHECK_THAT(
+      std::string(thrown_by([&] { return predict(model, std::vector<float>(29), power); }).what()),
+      Catch::Contains("spd: 29 values; the model expects 30 finite values"));
   const auto counts_with = [](float value) {
     std::vector<float> out(30, 5);
     out[7] = value;
@@ -136,11 +227,14 @@ TEST_CASE("the API refuses invalid files and input values and states the reason"
   };
   const std::pair<float, std::string> wrong[] = {{NAN, "nan"}, {INFINITY, "inf"}, {-1.0F, "-1"}};
   for (const auto& [value, text] : wrong)
-    CHECK(error_of([&] { predict(model, counts_with(value), power); }) ==
-          "counts: value 7 is " + text + "; the model expects 30 finite values of at least 0");
-  CHECK(error_of([&] { predict(model, counts_with(9), std::vector<float>(24, -INFINITY)); }) ==
-        "power: value 0 is -inf; the model expects 24 finite values");
-  CHECK_THAT(error_of([&] { Run(dir / "train").read(80); }), Catch::Contains("no record 80"));
+    CHECK(
+        std::string(thrown_by([&] { return predict(model, counts_with(value), power); }).what()) ==
+        "spd: value 7 is " + text + "; the model expects 30 finite values of at least 0");
+  const std::vector<float> infinite(24, -INFINITY);
+  CHECK(std::string(thrown_by([&] { return predict(model, counts_with(9), infinite); }).what()) ==
+        "radar: value 0 is -inf; the model expects 24 finite values");
+  CHECK_THAT(std::string(thrown_by([&] { return Run(dir / "train").read(80); }).what()),
+             Catch::Contains("no record 80"));
   CHECK(std::string(version()).find('.') != std::string::npos);
 }
 
@@ -194,6 +288,14 @@ TEST_CASE("the API throws on a damaged record, or skips it if an error handler i
   }
   CHECK(seen == std::vector<std::int64_t>{0, 2});
   CHECK(bad == std::vector<std::int64_t>{1, 3});
-  CHECK_THAT(error_of([&] { Run(dir / "run").for_each(visit); }), Catch::Contains("record 1: "));
-  CHECK_THAT(error_of([&] { follow(dir / "run", visit_live); }), Catch::Contains("record 1: "));
+  CHECK_THAT(std::string(thrown_by([&] {
+                           Run(dir / "run").for_each(visit);
+                           return 0;
+                         }).what()),
+             Catch::Contains("record 1: "));
+  CHECK_THAT(std::string(thrown_by([&] {
+                           follow(dir / "run", visit_live);
+                           return 0;
+                         }).what()),
+             Catch::Contains("record 1: "));
 }

@@ -33,7 +33,7 @@ class ApiPages(unittest.TestCase):
 
     def copy(self):
         tree = self.dir / "tree"
-        for name in ("scripts/manual", "recon/include", "recon/python"):
+        for name in ("scripts/manual", "recon/include", "recon/examples", "recon/python"):
             (tree / name).parent.mkdir(parents=True, exist_ok=True)
             (shutil.copytree if (source / name).is_dir() else shutil.copy)(source / name, tree / name)
         return tree
@@ -42,7 +42,7 @@ class ApiPages(unittest.TestCase):
         done = self.manual(source)
         self.assertEqual((done.returncode, done.stdout + done.stderr), (0, ""))
         index = (self.dir / "out/index.html").read_text()
-        for page in ("cpp/files.html", "python/index.html"):
+        for page in ("cpp/index.html", "python/index.html"):
             self.assertIn(page, index)
             self.assertTrue((self.dir / "out" / page).exists())
         pages = "".join(path.read_text(encoding="utf-8") for path in (self.dir / "out/cpp").glob("*.html"))

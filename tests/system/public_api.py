@@ -3,8 +3,10 @@
 """Tests that external programs can use the installed library. Called as `tests/system/public_api.py BIN_DIR`. The
 examples are built in a clean folder with CMake and pkg-config. Their output is compared with the output of the
 programs."""
+import json
 import os
 import pathlib
+import re
 import shutil
 import subprocess
 import sys
@@ -20,7 +22,7 @@ import fixtures  # noqa: E402
 bin_dir = pathlib.Path(sys.argv[1]).resolve()
 source = pathlib.Path(__file__).resolve().parents[2]
 examples = source / "recon/examples"
-HEADERS = {"run.hpp", "record.hpp", "model.hpp", "predict.hpp", "version.hpp"}
+HEADERS = {"error.hpp", "run.hpp", "record.hpp", "model.hpp", "predict.hpp", "version.hpp"}
 
 
 def run(*words, cwd, **environment):
@@ -57,6 +59,19 @@ int main(int, char** argv) {
 """
 
 
+PLUGIN = """
+#include <echofuse/predict.hpp>
+extern "C" double body_x(const char* model, const char* run, int record) {
+  try {
+    const auto map = echofuse::predict(echofuse::Model(model), echofuse::Run(run).read(record));
+    return map.body ? map.body->x_m : 0;
+  } catch (const echofuse::Exception&) {
+    return -1;
+  }
+}
+"""
+
+
 class PublicApi(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
@@ -75,7 +90,37 @@ class PublicApi(unittest.TestCase):
 
     def flags(self):
         package, = self.prefix.rglob("echofuse.pc")
-        return run("pkg-config", "--static", "--cflags", "--libs", "echofuse", cwd=self.dir, PKG_CONFIG_PATH=str(package.parent)).split()
+        flags = run("pkg-config", "--cflags", "--libs", "echofuse", cwd=self.dir, PKG_CONFIG_PATH=str(package.parent)).split()
+        return [*flags, f"-Wl,-rpath,{package.parent.parent}"]
+
+    def exported(self, library):
+        """Returns the names that a shared library exports, in C++ notation."""
+        table = run("nm", "-D", "-C", "--defined-only", library, cwd=self.dir)
+        return {line.split(maxsplit=2)[2].split("@")[0] for line in table.splitlines() if " A " not in line}
+
+    def test_library_exports_exactly_the_listed_names(self):
+        library, = self.prefix.rglob("libechofuse.so")
+        package, = (source / "scripts/debian").glob("libechofuse*.symbols")
+        listed = package.read_text()
+        self.assertEqual(self.exported(library), set(re.findall('"(.*)@', listed)))
+        self.assertEqual(os.readlink(library), listed.split()[0])
+        self.assertIn(f"Library soname: [{listed.split()[0]}]", run("readelf", "-d", library, cwd=self.dir))
+
+    def test_plugin_exports_at_most_20_names_of_the_library(self):
+        (self.dir / "plugin.cpp").write_text(PLUGIN)
+        run("g++", "-std=c++20", "-shared", "-fPIC", "plugin.cpp", *self.flags(), "-o", "plugin.so", cwd=self.dir)
+        names = {name for name in self.exported(self.dir / "plugin.so") if "echofuse" in name}
+        self.assertLessEqual(len(names), 20, names)
+
+    def test_cpp17_program_is_refused_with_the_reason(self):
+        (self.dir / "old.cpp").write_text("#include <echofuse/predict.hpp>\n")
+        done = subprocess.run(["g++", "-std=c++17", "-fsyntax-only", "old.cpp", *self.flags()], cwd=self.dir, capture_output=True, text=True)
+        self.assertRegex(done.stderr.partition("error:")[2], "^ #error .echofuse requires C\\+\\+20; compile with -std=c\\+\\+20.")
+
+    def test_verdict_codes_are_those_of_the_programs(self):
+        codes = re.search(r"enum class VerdictCode .*?};", (examples.parent / "include/echofuse/record.hpp").read_text(), re.S)[0]
+        rows = json.loads(run("echofuse-acquire", "verdicts", "--json", cwd=self.dir))["verdicts"]
+        self.assertEqual(re.findall("///< `(.*)`", codes), [row["word"] for row in rows if row["word"] != "other"])
 
     def test_cmake_example_predicts_the_same_map_as_reconstruct(self):
         project = self.dir / "predict"

@@ -10,7 +10,7 @@ int main(int count, char** words) try {
   if (count != 4) return std::fprintf(stderr, "usage: predict MODEL RUN RECORD\n"), 2;
   const echofuse::Model model(words[1]);
   const echofuse::Run run(words[2]);
-  const echofuse::DepthMap map = echofuse::predict(model, run, std::atoll(words[3]));
+  const echofuse::DepthMap map = echofuse::predict(model, run.read(std::atoll(words[3])));
   if (!map.fault.empty()) return std::fprintf(stderr, "no map: %s\n", map.fault.c_str()), 1;
   const std::size_t side = model.grid().size;
   for (std::size_t row = 0; row < side; ++row) {

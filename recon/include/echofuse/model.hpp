@@ -14,26 +14,26 @@ namespace echofuse {
 /// same Model at once.
 class Model {
  public:
-  /// Loads a model file. Throws std::runtime_error if the file is missing, damaged or in a
+  /// Loads a model file. Throws Exception if the file is missing, damaged or in a
   /// different format; the message contains the file name and the fault.
   explicit Model(const std::string& path);
 
   /// Returns the name of the model, e.g. `factorised-16`.
-  const std::string& name() const;
+  [[nodiscard]] const std::string& name() const;
   /// Returns the sensors that the model uses: `fused`, `fused-profile` (the radar's range profile
   /// without antenna samples), `spd` or `radar`.
-  const std::string& inputs() const;
+  [[nodiscard]] const std::string& inputs() const;
   /// Returns true if the model also estimates the errors of the maps that it predicts.
-  bool calibrated() const;
+  [[nodiscard]] bool calibrated() const;
   /// Returns the axis of the histogram bins; its count is 0 if the model does not use the detector.
-  RunAxis spd_axis() const;
+  [[nodiscard]] RunAxis spd_axis() const;
   /// Returns the axis of the range profile; its count is 0 if the model does not use the radar.
-  RunAxis radar_axis() const;
+  [[nodiscard]] RunAxis radar_axis() const;
   /// Returns the number of histograms that the model expects per record: one per detector zone, or
   /// 1 if the model uses a single pixel or the sum over all zones.
-  std::size_t zones() const;
+  [[nodiscard]] std::size_t zones() const;
   /// Returns the pixel grid of the model's depth maps.
-  MapGrid grid() const;
+  [[nodiscard]] MapGrid grid() const;
 
  private:
   friend struct Internals;

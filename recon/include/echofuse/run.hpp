@@ -15,14 +15,24 @@
 
 namespace echofuse {
 
+/// Status of a run.
+enum class StatusCode : std::uint8_t {
+  open,      ///< the run is being recorded
+  complete,  ///< all records were written
+  stopped,   ///< the recording was stopped, e.g. by the operator or because the disk was full
+  crashed,   ///< the recording process was killed
+  copy,      ///< the file is a copy of a run that was being recorded
+};
+
 /// Description of a run, as stored in the run file.
-struct RunFacts {
+struct RunInfo {
   std::string uuid;         ///< unique identifier of the run, independent of the file name
   std::string started_utc;  ///< start time, ISO 8601
   std::string ended_utc;    ///< end time, ISO 8601; empty unless the run is closed
   std::string status;       ///< `open`, `complete`, `crashed`, or `stopped:` followed by the reason
-  std::string notes;        ///< the operator's notes on the run; may be empty
-  double window_s = 0;      ///< duration of each slot, s
+  StatusCode status_code = StatusCode::open;  ///< kind of the status
+  std::string notes;                          ///< the operator's notes on the run; may be empty
+  double window_s = 0;                        ///< duration of each slot, s
   /// Names and values passed with `run --meta`.
   std::vector<std::pair<std::string, std::string>> meta;
 };
@@ -30,9 +40,8 @@ struct RunFacts {
 /// Callback for a damaged record. Receives its index and a description of the fault.
 using OnDamaged = std::function<void(std::int64_t, const std::string&)>;
 
-/// A run file, opened read-only. On failure, every member throws std::runtime_error with a one-line
-/// message that contains the file name and the fault. Threading: a Run may be used by only one
-/// thread at a time, but each thread may open its own Run of the same file.
+/// A run file, opened read-only. On failure, every member throws Exception. Threading: a Run may be
+/// used by only one thread at a time, but each thread may open its own Run of the same file.
 class Run {
  public:
   /// Opens the run at `path`; the extension `.sqlite` is optional. Throws if the file is missing or
@@ -40,22 +49,29 @@ class Run {
   explicit Run(const std::string& path);
 
   /// Returns the path that was passed to the constructor.
-  const std::string& path() const;
+  [[nodiscard]] const std::string& path() const;
   /// Returns the description of the run, as stored in the run file.
-  RunFacts facts() const;
+  [[nodiscard]] RunInfo info() const;
   /// Returns the number of records, which increases while the run is being recorded.
-  std::int64_t count() const;
-  /// Returns the axis called `name`: `spd`, `radar`, `depth_x` or `depth_y`. Empty if the run does
-  /// not have this axis.
-  std::optional<RunAxis> axis(const std::string& name) const;
-  /// Returns the number of histograms per record: one per detector zone, or 1 for a single-pixel
+  [[nodiscard]] std::int64_t count() const;
+  /// Returns the axis called `name`: `spd`, `radar`, `array`, `depth_x` or `depth_y`. Empty if
+  /// the run does not have this axis.
+  [[nodiscard]] std::optional<RunAxis> axis(const std::string& name) const;
+  /// Returns the zones of the detector, in the order of their histograms; empty for a single-pixel
   /// detector.
-  std::size_t zones() const;
+  [[nodiscard]] std::vector<DetectorZone> zones() const;
+  /// Returns the virtual antennas of the radar; empty if the run has no antenna samples.
+  [[nodiscard]] std::vector<RadarAntenna> antennas() const;
+  /// Returns the calibration of each calibrated sensor.
+  [[nodiscard]] std::vector<SensorCalibration> calibrations() const;
+  /// Returns the events of the run, in order.
+  [[nodiscard]] std::vector<RunEvent> events() const;
   /// Returns the grid of the run's depth maps.
-  MapGrid grid() const;
+  [[nodiscard]] MapGrid grid() const;
 
-  /// Returns the record with this index. Throws if the record does not exist or is damaged.
-  Record read(std::int64_t index) const;
+  /// Returns the record with this index. Throws if the record does not exist or is damaged. Takes
+  /// about as long as in for_each() if the run is closed.
+  [[nodiscard]] Record read(std::int64_t index) const;
   /// Calls `visit` for each record in order, starting at index `first`, until `visit` returns
   /// false. If a record is damaged, calls `on_damaged` and continues, or throws if `on_damaged` is
   /// empty.
