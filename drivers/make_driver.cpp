@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: MIT
 #include "drivers/make_driver.hpp"
 
+#include <cstring>
+#include <type_traits>
+
 #include "drivers/depth/bridge_camera.hpp"
 #include "drivers/depth/openni_camera.hpp"
 #include "drivers/inventory/inventory.hpp"
@@ -24,20 +27,64 @@ bool is_one_of(const port::Address& address) {
   return (std::holds_alternative<Kinds>(address) || ...);
 }
 
+// Device that is selected by one address.
+template <class Config>
+struct Kind {
+  const char* scheme;  // beginning of the address
+  const char* syntax;
+  std::unique_ptr<Driver> (*make)(port::Loop&, const Config&, port::RawKeeper*);
+};
+
+template <class BridgeDriver, class Config>
+std::unique_ptr<Driver> bridge(port::Loop& loop, const Config& config, port::RawKeeper* raw) {
+  constexpr const char* files = std::is_same_v<Config, TdcConfig>     ? "tags"
+                                : std::is_same_v<Config, RadarConfig> ? "radar"
+                                                                      : "depth";
+  return std::make_unique<BridgeDriver>(
+      loop, config.address, port::tap(loop, loop.opener(config.address), raw, files, ".blocks"));
+}
+
+std::unique_ptr<Driver> openni(port::Loop& loop, const DepthConfig& config, port::RawKeeper* raw) {
+  return std::make_unique<depth::OpenNiCamera>(
+      loop, config.address, config.address.substr(std::strlen("openni:")),
+      depth::OpenNiOptions{.width = config.width, .height = config.height, .fps = config.fps}, raw);
+}
+
+// To add a driver, add its source file to the folder of its sensor and a row to one of these lists.
+constexpr Kind<TdcConfig> taggers[] = {
+    {"bridge:", "bridge:tcp://HOST:PORT", bridge<tdc::BridgeTdc>},
+    {"usb:", "usb:VVVV:PPPP", bridge<tdc::BridgeTdc>},
+};
+constexpr Kind<RadarConfig> radars[] = {
+    {"bridge:", "bridge:tcp://HOST:PORT", bridge<radar::BridgeRadar>},
+};
+constexpr Kind<DepthConfig> cameras[] = {
+    {"openni:", "openni:[URI or file.oni]", openni},
+    {"bridge:", "bridge:tcp://HOST:PORT", bridge<depth::BridgeCamera>},
+};
+
+template <class Kinds>
+const auto& kind_of(const Kinds& kinds, const std::string& address, const std::string& device,
+                    const char* advice = "") {
+  port::parse_address(address);
+  std::string known;
+  for (const auto& kind : kinds) {
+    if (address.starts_with(kind.scheme)) return kind;
+    known += (known.empty() ? "" : " or ") + std::string(kind.syntax);
+  }
+  refuse(address, "expected the address of a " + device + ": " + known + advice);
+}
+
 }  // namespace
 
-void check_tdc(const std::string& address) {
-  if (!is_one_of<port::BridgeAddress, port::UsbAddress>(port::parse_address(address)))
-    refuse(address,
-           "expected the address of a time tagger: bridge:tcp://HOST:PORT or usb:VVVV:PPPP");
-}
+void check_tdc(const std::string& address) { kind_of(taggers, address, "time tagger"); }
 
 void check_radar(const std::string& address) {
-  if (!is_one_of<port::BridgeAddress>(port::parse_address(address)))
-    refuse(address,
-           "expected the address of a radar: bridge:tcp://HOST:PORT; for a radar without a bridge "
-           "set radar.cli and radar.data instead");
+  kind_of(radars, address, "radar",
+          "; for a radar without a bridge set radar.cli and radar.data instead");
 }
+
+void check_depth(const std::string& address) { kind_of(cameras, address, "depth camera"); }
 
 void check_radar_port(const std::string& address, std::uint32_t baud) {
   const port::Address parsed = port::parse_address(address);
@@ -46,17 +93,13 @@ void check_radar_port(const std::string& address, std::uint32_t baud) {
   if (const auto* hid = std::get_if<port::HidAddress>(&parsed)) port::check_hid_baud(*hid, baud);
 }
 
-void check_depth(const std::string& address) {
-  if (!is_one_of<port::OpenNiAddress, port::BridgeAddress>(port::parse_address(address)))
-    refuse(address,
-           "expected the address of a depth camera: openni:[URI or file.oni] or "
-           "bridge:tcp://HOST:PORT");
+std::unique_ptr<Driver> make_tdc(port::Loop& loop, const TdcConfig& config, port::RawKeeper* raw) {
+  return kind_of(taggers, config.address, "time tagger").make(loop, config, raw);
 }
 
-std::unique_ptr<Driver> make_tdc(port::Loop& loop, const TdcConfig& config, port::RawKeeper* raw) {
-  check_tdc(config.address);
-  return std::make_unique<tdc::BridgeTdc>(
-      loop, config.address, port::tap(loop, loop.opener(config.address), raw, "tags", ".blocks"));
+std::unique_ptr<Driver> make_depth(port::Loop& loop, const DepthConfig& config,
+                                   port::RawKeeper* raw) {
+  return kind_of(cameras, config.address, "depth camera").make(loop, config, raw);
 }
 
 namespace {
@@ -98,9 +141,7 @@ std::unique_ptr<Driver> make_radar(port::Loop& loop, const RadarConfig& config,
                                    port::RawKeeper* raw) {
   if (!config.address.empty()) {
     check_radar(config.address);
-    return std::make_unique<radar::BridgeRadar>(
-        loop, config.address,
-        port::tap(loop, loop.opener(config.address), raw, "radar", ".blocks"));
+    return radars[0].make(loop, config, raw);
   }
   check_radar_port(config.cli, config.cli_baud);
   check_radar_port(config.data, config.data_baud);
@@ -117,19 +158,6 @@ std::unique_ptr<Driver> make_radar(port::Loop& loop, const RadarConfig& config,
                               .data_baud = config.data_baud,
                               .board = radar::board_named(config.board).value_or(radar::Board::isk),
                               .keep_running = config.keep_running});
-}
-
-std::unique_ptr<Driver> make_depth(port::Loop& loop, const DepthConfig& config,
-                                   port::RawKeeper* raw) {
-  check_depth(config.address);
-  const port::Address address = port::parse_address(config.address);
-  if (const auto* openni = std::get_if<port::OpenNiAddress>(&address))
-    return std::make_unique<depth::OpenNiCamera>(
-        loop, config.address, openni->uri,
-        depth::OpenNiOptions{.width = config.width, .height = config.height, .fps = config.fps},
-        raw);
-  return std::make_unique<depth::BridgeCamera>(
-      loop, config.address, port::tap(loop, loop.opener(config.address), raw, "depth", ".blocks"));
 }
 
 }  // namespace echofuse

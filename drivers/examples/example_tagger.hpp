@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: MIT
 // Example driver for an imaginary time tagger with a C library. To support your own tagger:
-//   1. Copy example_tagger.* to drivers/tdc/, rename the class, and call your library there.
-//   2. Add the source file and your library to drivers/tdc/CMakeLists.txt.
-//   3. Add an address type to drivers/port/address.hpp, and create the driver for it in
-//      drivers/make_driver.cpp.
-//   4. Check that `echofuse-acquire devices` lists the device. `run` then records it.
+//   1. Copy example_tagger.* to drivers/tdc/, rename the class, and call your library there. If the
+//      library must be linked, add it to drivers/tdc/CMakeLists.txt.
+//   2. Add a row with the scheme of its address, e.g. "example:", to drivers/make_driver.cpp.
+//   3. Check that `echofuse-acquire devices` lists the device. `run` then records it.
 #pragma once
 #include <chrono>
 #include <functional>

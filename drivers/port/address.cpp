@@ -66,8 +66,7 @@ Address parse_address(std::string_view text) {
     if (!rest.starts_with('/')) refuse(text, "serial:/dev/... with an absolute path");
     return SerialAddress{std::string(rest)};
   }
-  refuse(text,
-         "bridge:tcp://HOST:PORT, usb:VVVV:PPPP, hid:VVVV:PPPP, serial:/dev/... or openni:[URI]");
+  return OtherAddress{std::string(text)};
 }
 
 }  // namespace echofuse::port

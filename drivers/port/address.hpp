@@ -36,9 +36,15 @@ struct OpenNiAddress {
   std::string uri;
   bool operator==(const OpenNiAddress&) const = default;
 };
-using Address = std::variant<BridgeAddress, UsbAddress, HidAddress, SerialAddress, OpenNiAddress>;
+struct OtherAddress {  // address of a driver that reads its device itself
+  std::string text;
+  bool operator==(const OtherAddress&) const = default;
+};
+using Address =
+    std::variant<BridgeAddress, UsbAddress, HidAddress, SerialAddress, OpenNiAddress, OtherAddress>;
 
-// If the address is invalid, throws Error(config) with the address and the expected syntax.
+// If an address of the listed syntax is invalid, throws Error(config) with the address and the
+// expected syntax.
 Address parse_address(std::string_view text);
 
 }  // namespace echofuse::port

@@ -71,13 +71,17 @@ void fill(std::optional<T>& option, const std::optional<T>& own) {
 const std::vector<ModelKind>& model_kinds() {
   using enum ModelKind::InputKind;
   using enum ModelKind::Size;
+  // Defined in the source files of this folder.
+  using Make = std::unique_ptr<Model>();
+  Make make_empty, make_mean, make_mean_shape, make_factorised, make_ridge, make_pca_mlp, make_mlp,
+      make_mlp_mask, make_nearest;
   static const std::vector<ModelKind> kinds{
       {"empty", make_empty, nothing, fixed, {}},
       {"mean", make_mean, nothing, fixed, {}},
       {"mean-shape", make_mean_shape, aligned, fixed, placed},
       {"factorised", make_factorised, aligned, basis, placed},
       {"ridge", make_ridge, inputs, fixed, {}},
-      {"pca-mlp", [] { return make_pca(make_mlp()); }, inputs, hidden, with_basis(128, network)},
+      {"pca-mlp", make_pca_mlp, inputs, hidden, with_basis(128, network)},
       {"mlp", make_mlp, inputs, hidden, network},
       {"mlp-mask", make_mlp_mask, inputs, hidden, masked, "root"},
       {"nearest", make_nearest, inputs, basis, with_basis(1)}};

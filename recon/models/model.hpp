@@ -77,24 +77,12 @@ struct ModelKind {
   FitOptions own;
   const char* scaling = "record";  // default scaling of the inputs (data/features.hpp)
 };
-// To add a kind of model, add a source file and an entry to this list. To include it in `--model
-// auto`, also add it to candidates() in train/crossvalidate.cpp.
+// To add a kind of model, add a source file and a row to the list in model.cpp. To include it in
+// `--model auto`, also add it to candidates() in train/crossvalidate.cpp.
 const std::vector<ModelKind>& model_kinds();        // in order of increasing cost
 const ModelKind& kind_of(const std::string& name);  // throws Error(usage) if the kind is unknown
 std::vector<std::string> model_names();
 std::string model_help();  // returns "empty, mean, ..., nearest[-N], paper (mlp-512-256)"
-
-// Factory functions, one per kind of model.
-std::unique_ptr<Model> make_empty();     // map of the empty room
-std::unique_ptr<Model> make_mean();      // mean of the training maps
-std::unique_ptr<Model> make_nearest();   // mean map of the nearest training records
-std::unique_ptr<Model> make_ridge();     // ridge regression; the penalty is cross-validated
-std::unique_ptr<Model> make_mlp();       // plain network of Lai et al. (2024)
-std::unique_ptr<Model> make_mlp_mask();  // network that predicts a mask and a depth map
-// The inner model predicts the coefficients of the maps' principal components.
-std::unique_ptr<Model> make_pca(std::unique_ptr<Model> inner);
-std::unique_ptr<Model> make_mean_shape();  // mean body at the predicted position
-std::unique_ptr<Model> make_factorised();  // predicted body shape at the predicted position
 
 // Model of a given size. Examples of names:
 //   "mlp-1024-512-256"  network with hidden layers of these widths

@@ -66,8 +66,7 @@ class Pca final : public Model {
 
 }  // namespace
 
-std::unique_ptr<Model> make_pca(std::unique_ptr<Model> inner) {
-  return std::make_unique<Pca>(std::move(inner));
-}
+// The network predicts the coefficients of the maps' principal components.
+std::unique_ptr<Model> make_pca_mlp() { return std::make_unique<Pca>(kind_of("mlp").make()); }
 
 }  // namespace echofuse::recon

@@ -39,7 +39,7 @@ Matrix nearest_maps(const Dataset& data, const Rows& rows, const Dataset& neighb
   const Features features = fit_features(neighbours_data, neighbours, inputs, "record");
   const Matrix known = features.apply(neighbours_data, neighbours);
   const Matrix maps = take_rows(neighbours_data.depth(), neighbours);
-  const auto model = make_nearest();
+  const auto model = kind_of("nearest").make();
   model->fit({known, maps, all_rows(neighbours.size())}, {known, maps, {}}, {});
   Dataset scored = part_of(data, rows);
   match_axes(scored, features.axes, inputs);

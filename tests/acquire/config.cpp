@@ -104,9 +104,9 @@ TEST_CASE("the configuration loader checks that the keys are consistent") {
     CHECK(has(text, path + ":5:1: radar.data: "));
     CHECK(has(text, path + ":6:1: radar.cfg: " + folder / "r.cfg: cannot read"));
     CHECK(has(text, path + ":7:1: radar.data_baud = 200 is not valid"));
-    CHECK(
-        has(text,
-            "--set depth.address=carrier:pigeon: address \"carrier:pigeon\": expected bridge:tcp"));
+    CHECK(has(text,
+              "--set depth.address=carrier:pigeon: address \"carrier:pigeon\": expected the "
+              "address of a depth camera: openni:[URI or file.oni] or bridge:tcp"));
   }
   SECTION("a radar with only one serial port and no cfg is refused") {
     write_file(path, "[radar]\ncli = \"serial:/dev/ttyACM0\"\n");

@@ -19,13 +19,12 @@ TEST_CASE("all kinds of device addresses are parsed") {
   CHECK(parse_address("serial:/dev/serial/by-id/usb-x") ==
         Address(SerialAddress{"/dev/serial/by-id/usb-x"}));
   CHECK(parse_address("openni:") == Address(OpenNiAddress{""}));
+  CHECK(parse_address("example:0001") == Address(OtherAddress{"example:0001"}));
   CHECK(parse_address("openni:a/b.oni") == Address(OpenNiAddress{"a/b.oni"}));
 }
 
 TEST_CASE("the error for an invalid device address contains the address and the expected form") {
   const auto [text, expected] = GENERATE(table<std::string, std::string>({
-      {"", "bridge:tcp://HOST:PORT, usb"},
-      {"tcp://127.0.0.1:1", "bridge:tcp://HOST:PORT, usb"},
       {"bridge:127.0.0.1:1", "bridge:tcp://HOST:PORT"},
       {"bridge:tcp://host", "port"},
       {"bridge:tcp://host:0", "port"},

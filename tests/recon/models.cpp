@@ -51,7 +51,7 @@ TEST_CASE("ridge regression equals a dense linear solve with the chosen penalty"
   for (std::size_t i = 0; i < 50; ++i)
     for (std::size_t p = 0; p < 4096; ++p)
       y.row(i)[p] = 2 + x.row(i)[p % 8] - 0.5f * x.row(i)[(p + 3) % 8] + 0.3f * noise.row(i)[p];
-  const auto ridge = make_ridge();
+  const auto ridge = kind_of("ridge").make();
   ridge->fit({x, y, all_rows(50)}, {x, y, {}}, {});
   TensorFile file;
   ridge->archive({file, Archive::Direction::write}, {8, 4096, {}});
@@ -84,7 +84,7 @@ TEST_CASE("ridge regression predicts finite maps for repeated, constant or too m
     x.row(i)[2] = 7;
   }
   const Matrix y = random_matrix(30, 4096, 4);
-  const auto ridge = make_ridge();
+  const auto ridge = kind_of("ridge").make();
   ridge->fit({x, y, all_rows(30)}, {x, y, {}}, {});
   for (const float v : ridge->predict(x).values) REQUIRE(std::isfinite(v));
   const Matrix same(5, 4);
@@ -94,7 +94,7 @@ TEST_CASE("ridge regression predicts finite maps for repeated, constant or too m
 
 TEST_CASE("the nearest-neighbour model returns the stored map of a training record") {
   const Matrix x = random_matrix(20, 10, 5), y = random_matrix(20, 4096, 6);
-  const auto nearest = make_nearest();
+  const auto nearest = kind_of("nearest").make();
   nearest->fit({x, y, all_rows(20)}, {x, y, {}}, {});
   CHECK(nearest->predict(x).values == y.values);
   const std::size_t looked_up = nearest->cost().multiply_adds;

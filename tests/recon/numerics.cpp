@@ -305,7 +305,7 @@ TEST_CASE("ridge regression equals the SVD solution for collinear inputs") {
         Matrix maps(inputs.rows, pixels);
         std::copy_n(x.data(), x.size(), inputs.values.begin());
         std::copy_n(y.data(), y.size(), maps.values.begin());
-        const auto ridge = make_ridge();
+        const auto ridge = kind_of("ridge").make();
         ridge->fit({inputs, maps, all_rows(inputs.rows)}, {inputs, maps, {}}, {});
         TensorFile file;
         ridge->archive({file, Archive::Direction::write}, {d, pixels, {}});
