@@ -9,8 +9,8 @@ import echofuse
 from echofuse import metrics
 from fixtures import program
 
-COLUMNS = {"iou": metrics.iou, "depth_mae_m": metrics.depth_mae, "lateral_m": metrics.lateral, "ssim_fg": metrics.ssim_fg,
-           "ghost": metrics.mirror_fraction}
+COLUMNS = {"iou": metrics.iou, "depth_mae_m": metrics.depth_mae_m, "lateral_m": metrics.lateral_m, "ssim_fg": metrics.ssim_fg,
+           "ghost": metrics.ghost}
 
 
 def wrong(truth, how):
@@ -62,10 +62,10 @@ def test_metrics_return_nan_for_undefined_scores():
     empty, body = np.full((1, 8, 8), np.nan), np.full((1, 8, 8), np.nan)
     body[0, 2:5, 1:3] = 3
     assert np.isnan(metrics.iou(empty, empty, scene)) and metrics.iou(empty, body, scene) == 0
-    assert metrics.iou(body, body, scene) == 1 and metrics.lateral(body, body, scene) == 0
-    assert np.isnan(metrics.depth_mae(empty, body, scene)) and np.isnan(metrics.lateral(empty, body, scene))
+    assert metrics.iou(body, body, scene) == 1 and metrics.lateral_m(body, body, scene) == 0
+    assert np.isnan(metrics.depth_mae_m(empty, body, scene)) and np.isnan(metrics.lateral_m(empty, body, scene))
     assert np.isnan(metrics.ssim_fg(body, body, scene))  # The SSIM window is larger than the map.
-    assert metrics.mirror_fraction(body[:, :, ::-1], body, scene) == 1
+    assert metrics.ghost(body[:, :, ::-1], body, scene) == 1
 
 
 @pytest.mark.parametrize("said, maps, truth", [
@@ -87,7 +87,7 @@ def test_metrics_refuse_other_shapes_and_units(said, maps, truth):
 def test_masked_pixels_of_maps_have_no_return(tmp_path):
     scene, body = metrics.Scene(np.zeros((8, 8), np.float32), 3.0), np.full((1, 8, 8), 3.0)
     hidden = np.broadcast_to(np.arange(8) < 4, body.shape)
-    for function in metrics.iou, metrics.depth_mae, metrics.lateral:
+    for function in metrics.iou, metrics.depth_mae_m, metrics.lateral_m:
         assert function(np.ma.array(body, mask=hidden), body, scene) == function(np.where(hidden, np.nan, body), body, scene)
     echofuse.save_maps(tmp_path, np.ma.array(body, mask=hidden), [3])
     assert np.array_equal(np.isnan(echofuse.load_maps(tmp_path)[0]), hidden)

@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 from .runs.acquire import plain
 from .runs.axis import tangents
 
-__all__ = ["Scene", "depth_mae", "iou", "lateral", "mirror_fraction", "ssim_fg"]
+__all__ = ["Scene", "depth_mae_m", "ghost", "iou", "lateral_m", "ssim_fg"]
 
 Scores = NDArray[np.float64]
 STEP_M = 0.1  # minimum distance between foreground and background, m
@@ -142,7 +142,7 @@ def iou(maps: ArrayLike, truth: ArrayLike, scene: Scene) -> Scores:
 
 
 @score
-def depth_mae(maps: ArrayLike, truth: ArrayLike, scene: Scene) -> Scores:
+def depth_mae_m(maps: ArrayLike, truth: ArrayLike, scene: Scene) -> Scores:
     """Returns the mean absolute depth error [n], m, over the pixels in both the predicted and the
     ground-truth foreground."""
     both = scene.true_mask(truth) & (scene.share(maps) > 0.5)
@@ -164,7 +164,7 @@ def true_range(truth: ArrayLike, scene: Scene) -> Scores:
 
 
 @score
-def lateral(maps: ArrayLike, truth: ArrayLike, scene: Scene) -> Scores:
+def lateral_m(maps: ArrayLike, truth: ArrayLike, scene: Scene) -> Scores:
     """Returns the lateral distance [n], m, between the centroids of the predicted and the
     ground-truth foreground, evaluated at the mean z of the ground-truth foreground."""
     true = centroids(scene.true_mask(truth), scene)
@@ -173,10 +173,9 @@ def lateral(maps: ArrayLike, truth: ArrayLike, scene: Scene) -> Scores:
 
 
 @score
-def mirror_fraction(maps: ArrayLike, truth: ArrayLike, scene: Scene) -> Scores:
-    """Returns the fraction [n] of the predicted foreground that is at the mirrored position
-    (`ghost` in `evaluate`). 0: all of it is at the true position; 1: all of it is mirrored; NaN:
-    `|x|` of the ground-truth centroid is less than 0.3 m."""
+def ghost(maps: ArrayLike, truth: ArrayLike, scene: Scene) -> Scores:
+    """Returns the fraction [n] of the predicted foreground at the mirrored position. 0: all is at
+    the true position; 1: all is mirrored; NaN: `|x|` of the true centroid is below 0.3 m."""
     true, share = scene.true_mask(truth), scene.share(maps).astype(float)
     mirror = true[:, :, ::-1]
     x_m = abs(centroids(true, scene)) * true_range(truth, scene)

@@ -66,11 +66,12 @@ class Estimator:
                                              self.f["scene/map_size"])
         keys = ("quantity", "unit", "count", "start", "step", "scale")
         required = {"spd": self.inputs != "radar", "radar": self.inputs != "spd",
-                    "array": self.inputs == "fused"}
+                    "lags": self.inputs == "fused"}
+        groups = {name: f"axes/{name.replace('lags', 'array')}" for name in required}
         #: axis of each required sensor, by sensor name
-        self.axes = {name: {key: self.f[f"axes/{name}/{key}"] for key in keys}
+        self.axes = {name: {key: self.f[f"{groups[name]}/{key}"] for key in keys}
                      for name, is_required in required.items() if is_required
-                     and self.f.get(f"axes/{name}/count", 0)}
+                     and self.f.get(f"{groups[name]}/count", 0)}
 
     def matched(self, name: str, axis: Axis | None, table: NDArray[Any]) -> NDArray[Any]:
         """Resamples sensor values to the axis of the estimator. Returns [n, 0] if the estimator
@@ -109,10 +110,10 @@ class Arrays:
     def __init__(self, axes: dict[str, Axis], spd: ArrayLike | None, radar: ArrayLike | None,
                  lags: ArrayLike | None) -> None:
         given = {name: np.asarray(plain(name, table)[0], np.float32)
-                 for name, table in (("spd", spd), ("radar", radar), ("array", lags))
+                 for name, table in (("spd", spd), ("radar", radar), ("lags", lags))
                  if table is not None}
         for name, table in given.items():
-            points, dimensions = {"array": (1, (3,)), "radar": (1, (2,)), "spd": (-1, (2, 3))}[name]
+            points, dimensions = {"lags": (1, (3,)), "radar": (1, (2,)), "spd": (-1, (2, 3))}[name]
             if (name not in axes or table.ndim not in dimensions
                 or table.shape[points] != axes[name].count):
                 expected = (f"[n, {axes[name].count}]" if name in axes
@@ -129,7 +130,7 @@ class Arrays:
         self.path, self.meta, self.axes = "arrays", dict[str, str](), {
             name: axes[name] for name in given}
         self.index = np.arange(len(next(iter(given.values()))))
-        self.power_axis, self.lags_axis = self.axes.get("radar"), self.axes.get("array")
+        self.power_axis, self.lags_axis = self.axes.get("radar"), self.axes.get("lags")
         self.valid = {name: np.full(len(self.index), name in given) for name in ("spd", "radar")}
         self._given = given
 
@@ -145,7 +146,7 @@ class Arrays:
                             / self.axes["radar"].step) if range_offset_m else table
 
     def lags(self, range_offset_m: float = 0) -> NDArray[np.float32]:
-        return self._given.get("array", np.zeros((len(self), 0, 1), np.float32))
+        return self._given.get("lags", np.zeros((len(self), 0, 1), np.float32))
 
 
 @dataclass(frozen=True, repr=False)
@@ -230,7 +231,7 @@ class Model:
 
     @property
     def axes(self) -> dict[str, Axis]:
-        """Axes of the training data: "spd" (counts), "radar" (linear power), "array" (lags)."""
+        """Axes of the training data: "spd" (counts), "radar" (linear power), "lags" (Run.lags)."""
         return {name: Axis(name, **axis) for name, axis in self.estimators[0].axes.items()}
 
     def predict(self, run: runs.Run | str | pathlib.Path | None = None, *,
@@ -264,7 +265,7 @@ class Model:
         maps = np.zeros((len(run), first.size, first.size), np.float32)
         by = np.full(len(run), -1)
         for k, estimator in enumerate(self.estimators):
-            antennas = estimator.axes.get("array")
+            antennas = estimator.axes.get("lags")
             if antennas is not None and (run.lags_axis is None
                                          or not run.lags_axis.is_near(antennas)):
                 continue
@@ -275,17 +276,17 @@ class Model:
             rows = np.flatnonzero(able & (by < 0))
             if len(rows) == 0:
                 continue
-            axes_of = {"spd": run.axes.get("spd"), "radar": run.power_axis, "array": run.lags_axis}
+            axes_of = {"spd": run.axes.get("spd"), "radar": run.power_axis, "lags": run.lags_axis}
             for name, axis in axes_of.items():
                 if name in estimator.axes and not (axis and axis.is_near(estimator.axes[name])):
                     raise ValueError(f"{run.path}: {name} axis: {axis or 'no points'} (expected by "
                         f"{self.path}: {Axis(name, **estimator.axes[name])})")
             by[rows] = k
             inputs = {name: estimator.matched(name, axes_of[name], table[rows])
-                      for name, table in (("spd", counts), ("radar", power), ("array", lags))}
+                      for name, table in (("spd", counts), ("radar", power), ("lags", lags))}
             if weights is not None:
-                inputs |= {name: filtered(inputs[name], weights) for name in ("radar", "array")}
-            maps[rows] = estimator.predict(inputs["spd"], inputs["radar"], inputs["array"],
+                inputs |= {name: filtered(inputs[name], weights) for name in ("radar", "lags")}
+            maps[rows] = estimator.predict(inputs["spd"], inputs["radar"], inputs["lags"],
                                            zones_of(estimator, run, photons, rows))
         done = np.flatnonzero(by >= 0)
         half = first.f["scene/map_half_tangent"]

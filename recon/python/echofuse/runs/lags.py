@@ -33,7 +33,7 @@ def axis_of(axis: Axis | None, pairs: tuple[Pairs, Pairs]) -> Axis | None:
     across, up = (max(lags, default=0) for lags in pairs)
     known = sorted({*pairs[0], *(across + lag for lag in pairs[1])})
     quantity = "lags" + ("" if len(known) == across + up else "".join(f" {lag}" for lag in known))
-    return Axis("array", quantity + (f", {up} up" if up else ""), axis.unit, axis.count, axis.start,
+    return Axis("lags", quantity + (f", {up} up" if up else ""), axis.unit, axis.count, axis.start,
                 axis.step, across + up)
 
 
