@@ -69,7 +69,8 @@ Config load(const Options& o) {
 bool is_reserved_meta(const std::string& key) {
   constexpr std::string_view reserved =
       " uuid started_utc ended_utc status window_s host config_text config_resolved radar_cfg "
-      "version notes operator meta radar_baseline_m detector_dead_time_ps wal_key schema "
+      "version notes operator meta radar_baseline_m radar_mount_tolerance_m detector_dead_time_ps "
+      "wal_key schema "
       "Conventions CLASS NAME REFERENCE_LIST DIMENSION_LIST ";
   return key.starts_with('_') || key.ends_with("_offset_m") ||
          reserved.find(' ' + key + ' ') != reserved.npos;

@@ -116,6 +116,9 @@ void bind_radar(Settings& s, Config& c, Keys& k) {
   s.add("radar.baseline_m", c.baseline_m, 0, most_baseline_m,
         "distance from the axis of the detector to the centre of the radar antennas, m; the radar "
         "is to the left of the detector");
+  s.add("radar.mount_tolerance_m", c.mount_tolerance_m, 0, record::most_mount_tolerance_m,
+        "standard deviation of the range error caused by movements of the mounts since the "
+        "calibration, m");
   s.add("radar.data_baud", k.data_baud, 1200, 4'000'000, "baud rate of the radar's data port");
   s.add("radar.keep_running", c.radar.keep_running,
         "true: do not send sensorStop at the end of a run, so that the radar keeps transmitting");

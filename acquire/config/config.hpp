@@ -38,6 +38,8 @@ struct Config {
   record::Detector detector;
   RadarConfig radar;
   double baseline_m = 0.5;  // distance from the detector to the centre of the radar antennas
+  // Standard deviation of the change of the range difference R - r since the calibration.
+  double mount_tolerance_m = record::RadarMounting{}.tolerance_m;
   DepthConfig depth;
   record::MapGrid map;
   SignalLimits signal;

@@ -15,7 +15,8 @@ struct ValidRange {
   double least, most;
 };
 constexpr ValidRange widths_ps{0.1, 100'000}, tails_ps{0, 100'000}, shares{0, 1}, cells_m{1e-3, 10},
-    exponents{-2, 0}, powers{0, 1.05}, baselines_m{0, 10};
+    exponents{-2, 0}, powers{0, 1.05}, baselines_m{0, 10}, tolerances_m{0, most_mount_tolerance_m};
+constexpr const char *baseline_key = "radar_baseline_m", *tolerance_key = "radar_mount_tolerance_m";
 
 // Parses numbers with an optional "+- ERROR" at the end. Returns an empty list if the string does
 // not have this form or a number is outside its range.
@@ -145,11 +146,18 @@ Response response_of(const std::vector<std::pair<std::string, std::string>>& met
   return out;
 }
 
-double radar_baseline_m(const std::vector<std::pair<std::string, std::string>>& meta) {
-  Measured out;
-  for (const auto& [key, text] : meta)
-    if (key == "radar_baseline_m") take(text, baselines_m, out);
-  return out.value;
+std::vector<std::pair<std::string, std::string>> RadarMounting::meta() const {
+  return {{baseline_key, to_text({baseline_m, 0})}, {tolerance_key, to_text({tolerance_m, 0})}};
+}
+
+RadarMounting radar_mounting_of(const std::vector<std::pair<std::string, std::string>>& meta) {
+  const RadarMounting usual;
+  Measured baseline{usual.baseline_m, 0}, tolerance{usual.tolerance_m, 0};
+  for (const auto& [key, text] : meta) {
+    if (key == baseline_key) take(text, baselines_m, baseline);
+    if (key == tolerance_key) take(text, tolerances_m, tolerance);
+  }
+  return {baseline.value, tolerance.value};
 }
 
 }  // namespace echofuse::record

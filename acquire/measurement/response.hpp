@@ -82,8 +82,18 @@ struct Response {
 // Reads the response from the metadata of a run. Missing or invalid parts remain unknown.
 Response response_of(const std::vector<std::pair<std::string, std::string>>& meta);
 
-// Returns the distance between the detector and the radar from the metadata of a run
-// (radar_baseline_m); 0 if it is missing or invalid.
-double radar_baseline_m(const std::vector<std::pair<std::string, std::string>>& meta);
+inline constexpr double most_mount_tolerance_m = 0.1;
+
+struct RadarMounting {
+  double baseline_m = 0;  // distance between the detector and the radar; 0 if unknown
+  // Standard deviation of the error of the difference between radar range and SPD range that
+  // results from movements of the mounts since the calibration.
+  double tolerance_m = 0.003;
+
+  std::vector<std::pair<std::string, std::string>> meta() const;  // metadata entries of a run
+};
+
+// Reads the mounting from the metadata of a run. Missing or invalid parts keep their default.
+RadarMounting radar_mounting_of(const std::vector<std::pair<std::string, std::string>>& meta);
 
 }  // namespace echofuse::record

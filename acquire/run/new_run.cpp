@@ -48,7 +48,9 @@ std::unique_ptr<record::RunWriter> make_run(
   info.meta = meta;
   if (config.detector.known()) info.meta.push_back(config.detector.meta());
   if (config.configured().contains(Sensor::radar))
-    info.meta.emplace_back("radar_baseline_m", record::to_text({config.baseline_m, 0}));
+    for (const auto& pair :
+         record::RadarMounting{config.baseline_m, config.mount_tolerance_m}.meta())
+      info.meta.push_back(pair);
   for (const auto& pair : config.calibration.response.meta())
     if (std::ranges::none_of(meta, [&](const auto& given) { return given.first == pair.first; }))
       info.meta.push_back(pair);

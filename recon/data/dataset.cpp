@@ -91,8 +91,8 @@ class Appender {
     Source& source = data.sources.emplace_back(
         Source{path_, info.uuid, data.size(), 0, radar_offset_m, RunResponse::read(info.meta)});
     if (calibrated.contains(Sensor::spd) && calibrated.contains(Sensor::radar))
-      source.range_error_m = range_error_m;
-    source.baseline_m = record::radar_baseline_m(info.meta);
+      source.calibration_error_m = range_error_m;
+    source.mounting = record::radar_mounting_of(info.meta);
   }
 
   // Reserves memory for the given number of records, because reallocation would copy the tables. At

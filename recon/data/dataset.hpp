@@ -2,6 +2,7 @@
 // Data set: the records of one or several runs as numeric tables. Each sensor has a table with one
 // row per record.
 #pragma once
+#include <cmath>
 #include <cstdint>
 #include <functional>
 #include <map>
@@ -36,11 +37,16 @@ struct Source {
   // subtract_range_offset).
   double radar_offset_m = 0;
   RunResponse response = {};
-  // range_error_m: standard error of the difference between the range offsets of SPD and radar, if
-  // both are calibrated. baseline_m: distance between the sensors; 0 if it is not stored in the
-  // run.
-  std::optional<double> range_error_m = {};
-  double baseline_m = 0;
+  // Standard error of the difference between the range offsets of SPD and radar, if both are
+  // calibrated.
+  std::optional<double> calibration_error_m = {};
+  record::RadarMounting mounting = {};
+
+  // Standard deviation of the difference between radar range and SPD range: calibration error and
+  // mounting tolerance. A run without a calibration has only the tolerance.
+  double range_error_m() const {
+    return std::hypot(calibration_error_m.value_or(0), mounting.tolerance_m);
+  }
 };
 
 struct DamagedRecord {

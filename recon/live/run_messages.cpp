@@ -103,7 +103,7 @@ Message RunMessages::about_run(bool may_write) {
            {"facts", facts()},
            {"trigger", trigger_levels()},
            {"most_clicks_per_pulse", settings().most_clicks_per_pulse},
-           {"baseline_m", record::radar_baseline_m(info.meta)},
+           {"baseline_m", record::radar_mounting_of(info.meta).baseline_m},
            {"map", {{"size", grid.size}, {"half_tangent", grid.half_tangent}}},
            {"model", model_ ? Json(model_->name()) : Json()},
            {"calibrated", model_ && model_->calibrated()},

@@ -63,7 +63,8 @@ std::string line_of(const Dataset& data, const Source& run) {
   // A low quantile, because bodies may be in a range bin in most records.
   const std::vector<float> room = column_quantile(data.radar(), rows, 0.1);
   const Axis x = data.map.x();
-  const double baseline_m = run.baseline_m > 0 ? run.baseline_m : usual_baseline_m;
+  const double stated_m = run.mounting.baseline_m,
+               baseline_m = stated_m > 0 ? stated_m : usual_baseline_m;
   // Measured distance by which the body is farther from the radar than from the camera, and the
   // part of the expected distance that changes its sign if the map is mirrored.
   std::vector<double> farther_m, of_side_m;

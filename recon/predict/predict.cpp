@@ -69,17 +69,16 @@ void put(Prediction& whole, Prediction part, std::span<const std::size_t> places
 }
 
 // Returns a note about errors that the 90 % intervals do not include. Returns an empty string if
-// the calibration of the run provides the range error and the sensor baseline.
+// the run contains a calibration and the sensor baseline.
 std::string assumption_of(const Estimator& by, const Dataset& data) {
   if (!by.uncertainty || data.radar().axis.count == 0 || !side_by_ranges(data, by.features.inputs))
     return {};
   const auto all = [&](auto stated) { return std::ranges::all_of(data.sources, stated); };
-  if (!all([](const Source& run) { return run.range_error_m.has_value(); }))
-    return "90 % intervals assume unbiased ranges, because the run does not contain a calibration "
-           "of "
+  if (!all([](const Source& run) { return run.calibration_error_m.has_value(); }))
+    return "90 % intervals assume calibrated ranges, but the run does not contain a calibration of "
            "both sensors; a range bias of 2 cm moves a body sideways by 2 cm x range / baseline";
-  if (!all([](const Source& run) { return run.baseline_m > 0; }))
-    return "90 % intervals do not include the calibration error, because the run does not contain "
+  if (!all([](const Source& run) { return run.mounting.baseline_m > 0; }))
+    return "90 % intervals do not include the range error, because the run does not contain "
            "radar_baseline_m";
   return {};
 }

@@ -39,17 +39,18 @@ double factor_of(std::vector<double> ratios) {
   return ratios[std::min(rank, ratios.size()) - 1];
 }
 
-// Returns the lateral error that results from the range calibration: 90 % of calibrations with the
-// run's standard error cause a smaller error. Returns 0 if the run does not include a standard
-// error, or if the model does not rely on the two ranges alone to distinguish left and right.
-double calibration_error_m(const Dataset& data, std::size_t row, Inputs inputs,
-                           std::span<const float> map, const SceneModel& scene) {
+// Returns the 90 % quantile of the lateral error that results from the run's range error. Returns 0
+// if the run does not include the baseline, or if the model does not rely on the two ranges alone
+// to distinguish left and right.
+double range_error_m(const Dataset& data, std::size_t row, Inputs inputs,
+                     std::span<const float> map, const SceneModel& scene) {
   constexpr double deviations_90 = 1.645;
   if (data.sources.empty() || !side_by_ranges(data, inputs)) return 0;
   const Source& run = data.sources[data.source_of(row)];
   const BodyPlace body = body_place(map, scene);
-  if (!run.range_error_m || run.baseline_m <= 0 || std::isnan(body.x_m)) return 0;
-  return deviations_90 * *run.range_error_m * std::hypot(body.x_m, body.z_m) / run.baseline_m;
+  const double baseline_m = run.mounting.baseline_m;
+  if (baseline_m <= 0 || std::isnan(body.x_m)) return 0;
+  return deviations_90 * run.range_error_m() * std::hypot(body.x_m, body.z_m) / baseline_m;
 }
 
 std::size_t predictor_count(Inputs inputs) { return both_sensors(inputs) ? 3 : 2; }
@@ -176,9 +177,8 @@ std::vector<PredictionUncertainty> UncertaintyModel::trust(const Matrix& views, 
   std::vector<PredictionUncertainty> out;
   for (OutOfDistributionScore& score : detector.score(views, data, rows)) {
     const std::size_t i = out.size();
-    const double interval_m =
-        std::hypot(lateral(predictors.row(i), data.times_wider(rows[i])),
-                   calibration_error_m(data, rows[i], inputs, maps.row(i), scene));
+    const double interval_m = std::hypot(lateral(predictors.row(i), data.times_wider(rows[i])),
+                                         range_error_m(data, rows[i], inputs, maps.row(i), scene));
     const bool like_training = score.reason.empty();
     out.push_back({like_training ? interval_m : std::numeric_limits<double>::quiet_NaN(),
                    std::move(score), true});

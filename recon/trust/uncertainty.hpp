@@ -77,9 +77,9 @@ class LateralError {
 struct PredictionUncertainty {
   // Half-width of the interval around the predicted lateral position that contains the body for 90
   // % of the records that resemble the training data, m. Includes the error of the run's range
-  // calibration. An error s of the difference between the SPD range and the radar range moves a
-  // body at range r sideways by s r / b (baseline b). NaN if the record is out of distribution or
-  // shows no body.
+  // calibration and the tolerance of the mounting. An error s of the difference between the SPD
+  // range and the radar range moves a body at range r sideways by s r / b (baseline b). NaN if the
+  // record is out of distribution or shows no body.
   double lateral_interval_90_m = std::numeric_limits<double>::quiet_NaN();
   OutOfDistributionScore out_of_distribution = {};
   bool stated = false;  // false: the estimator does not estimate errors

@@ -133,6 +133,8 @@ record::RunInfo run_info(const Plan& plan, const DatasetOptions& options) {
     info.meta.push_back(detector.meta());
   if (const auto stated = stated_response(plan))
     for (const auto& pair : stated->meta()) info.meta.push_back(pair);
+  for (const auto& pair : record::RadarMounting{plan.conditions.baseline_m}.meta())
+    info.meta.push_back(pair);
   info.window_s = plan.conditions.window_s;
   return info;
 }

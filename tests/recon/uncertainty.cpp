@@ -291,18 +291,17 @@ TEST_CASE(
   }
 }
 
-TEST_CASE(
-    "the lateral interval includes the calibration error, or a note reports what is missing") {
+TEST_CASE("the lateral interval includes the range error, or a note reports what is missing") {
   const Dataset plain = fresh_plates(40);
   const Records records = prepare_records(trained(), plain);
   CHECK_THAT(records.ranges, Catch::Contains("does not contain a calibration of both sensors"));
   const auto assumed = uncertainties_of(records.data);
 
   Dataset calibrated = plain;
-  calibrated.sources[0].range_error_m = 0.01;
+  calibrated.sources[0].calibration_error_m = 0.008;
   CHECK_THAT(prepare_records(trained(), calibrated).ranges,
              Catch::Contains("does not contain radar_baseline_m"));
-  calibrated.sources[0].baseline_m = 0.5;
+  calibrated.sources[0].mounting = {.baseline_m = 0.5, .tolerance_m = 0.006};
   const Records stated = prepare_records(trained(), calibrated);
   CHECK(stated.ranges.empty());
   const Prediction p = predict(trained(), stated.data, all_rows(40));
@@ -316,16 +315,25 @@ TEST_CASE(
   }
 }
 
-TEST_CASE("the range error of a run is the root sum of squares of both calibration errors") {
+TEST_CASE("the range error of a run joins both calibration errors and the mounting tolerance") {
   const Folder dir;
   const record::CalibrationEntry spd{Sensor::spd, "2026-01-01T00:00:00Z", "", 1, 0, 0.003},
       radar{Sensor::radar, "2026-01-01T00:00:00Z", "", 1, 0, 0.004};
   a_run(3).calibration(spd).calibration(radar).write(dir / "both");
   a_run(3, 2).calibration(radar).write(dir / "one");
-  CHECK(load({dir / "both"}).sources[0].range_error_m.value() == Approx(0.005));
-  CHECK_FALSE(load({dir / "one"}).sources[0].range_error_m);
-  CHECK(record::radar_baseline_m({{"operator", "x"}, {"radar_baseline_m", "0.52"}}) == 0.52);
-  CHECK(record::radar_baseline_m({{"radar_baseline_m", "half"}}) == 0);
+  const Source both = load({dir / "both"}).sources[0], one = load({dir / "one"}).sources[0];
+  CHECK(both.calibration_error_m.value() == Approx(0.005));
+  CHECK(both.range_error_m() == Approx(std::hypot(0.005, 0.003)));
+  CHECK_FALSE(one.calibration_error_m);
+  CHECK(one.range_error_m() == 0.003);
+  const record::RadarMounting loose{.baseline_m = 0.52, .tolerance_m = 0.01},
+      read = record::radar_mounting_of(loose.meta());
+  CHECK(read.baseline_m == 0.52);
+  CHECK(read.tolerance_m == 0.01);
+  const record::RadarMounting invalid =
+      record::radar_mounting_of({{"radar_baseline_m", "half"}, {"radar_mount_tolerance_m", "0.2"}});
+  CHECK(invalid.baseline_m == 0);
+  CHECK(invalid.tolerance_m == 0.003);
 }
 
 TEST_CASE("single-sensor models flag outliers") {
