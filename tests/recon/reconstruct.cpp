@@ -238,8 +238,7 @@ TEST_CASE("a model compared with maps is scored only on records that were not us
       recon_program("reconstruct -q --format npy " + model + " " + run + " --out " + (dir / "o"))
           .code == 0);
   const auto judged = [&](const std::string& options) {
-    const Outcome o = recon_program("-q evaluate --json " + options + " " + model + " " + run +
-                                    " --train " + run);
+    const Outcome o = recon_program("-q evaluate --json " + options + " " + model + " " + run);
     CAPTURE(o.text);
     REQUIRE(o.code == 0);
     return nlohmann::json::parse(o.text.substr(o.text.find("{\n")));
