@@ -236,7 +236,7 @@ void Daemon::report_file() {
   const std::string file = recording_->journal.path();
   if (std::exchange(file_, file) == file) return;
   if (++files_ > 1 && !options_.kept_slot) devices_.name_run("run", file);
-  spdlog::info("recording to {}, slots of {} s", file, config_.window_s);
+  if (!options_.kept_slot) spdlog::info("recording to {}, slots of {} s", file, config_.window_s);
   if (options_.opened) options_.opened(file);
   if (files_ == 1) on_doubt_.take_run("started", "recording", loop_.utc(), file);
 }
@@ -411,6 +411,7 @@ void Daemon::end() {
   if (options_.progress) options_.progress(totals_.written);
   r.status.finish(loop_.now(), totals_);
   if (failure) std::rethrow_exception(failure);
+  if (options_.kept_slot) return;  // an import reports its file itself
   const std::string files = files_ > 1 ? " in " + std::to_string(files_) + " runs" : "";
   spdlog::info("{}: {}{}, {}{}; received: {} tags, {} radar frames, {} depth frames",
                r.journal.path(), count_text(totals_.written, options_.count), files, status_,
