@@ -8,14 +8,13 @@
 #include <limits>
 #include <utility>
 
+#include "acquire/measurement/detector.hpp"
 #include "drivers/core/median.hpp"
 #include "drivers/util/format.hpp"
 
 namespace echofuse::acquire {
 namespace {
 
-// Maximum plausible detection rate of a bin, 1/s; `train` uses the same limit for records.
-constexpr double most_a_second = 1e8;
 constexpr std::uint64_t enough_exposures = 10;
 constexpr double enough_s = 1, overlap = 1.5;
 constexpr std::size_t enough_profiles = 20, enough_maps = 10;
@@ -41,7 +40,7 @@ void SampleCheck::once(bool& told, Sensor sensor, const std::string& text) {
 }
 
 bool SampleCheck::take(HistogramFrame& frame) {
-  const double most = most_a_second * 1e-6 * frame.exposure_us;
+  const double most = record::max_clicks_per_s * 1e-6 * frame.exposure_us;
   const auto highest = std::ranges::max_element(frame.counts);
   if (highest != frame.counts.end() &&
       (*highest > most || *highest == std::numeric_limits<std::uint32_t>::max())) {

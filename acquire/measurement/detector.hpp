@@ -8,6 +8,10 @@
 
 namespace echofuse::record {
 
+// Maximum plausible rate of clicks in a bin, 1/s. It is higher than the maximum rate of any
+// detector or time tagger. Exposures and records with a higher rate are damaged.
+inline constexpr double max_clicks_per_s = 1e8;
+
 using Meta = std::vector<std::pair<std::string, std::string>>;  // metadata entries, in file order
 
 struct Detector {

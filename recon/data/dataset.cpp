@@ -12,6 +12,7 @@
 #include <numeric>
 #include <optional>
 
+#include "acquire/measurement/detector.hpp"
 #include "acquire/record/run_names.hpp"
 #include "drivers/core/crc32c.hpp"
 #include "drivers/util/printable.hpp"
@@ -164,13 +165,10 @@ class Appender {
     return out;
   }
   static std::string absurd_counts(const record::FusedRecord& r) {
-    // Maximum plausible detection rate, 1/s. It is higher than the maximum rate of any detector or
-    // time tagger.
-    constexpr double most_a_second = 1e8;
     const double slot_s = seconds(r.slot_end - r.slot_start);
     for (std::size_t i = 0; i < r.spd.size(); ++i)
       if (r.spd[i] == std::numeric_limits<std::uint32_t>::max() ||
-          (slot_s > 0 && r.spd[i] > most_a_second * slot_s))
+          (slot_s > 0 && r.spd[i] > record::max_clicks_per_s * slot_s))
         return "spd bin " + std::to_string(i) + " contains " + std::to_string(r.spd[i]) +
                " clicks, more than a time tagger can send";
     return {};
