@@ -59,7 +59,7 @@ function drawLamps() {
     if (over && !shown) {  // shows the verdict on the whole run
       light(name, !configured ? ['off', 'OFF'] : !worst ? ['ok', 'OK'] : worst.valid ? ['look', 'CHECK'] : ['bad', 'LOST'],
             !configured ? 'not configured' : worst ? `${worst.word} in ${worst.records} of ${state.records} records` : `good in all ${state.records} records`,
-            worst ? `last at ${timeOf(worst.utc)} UTC, record ${worst.index}` : '');
+            worst ? `last: ${worst.index}, ${timeOf(worst.utc)} UTC` : '');
       continue;
     }
     const sensor = shown ? {...state.sensors[name], ...shown, arrived: null} : state.sensors[name];
