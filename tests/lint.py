@@ -146,13 +146,13 @@ if len(written) > 20:
 # these types changes only the fixtures. This counts members with these names; the remaining ones belong to other types.
 # The limit may be lowered but not raised.
 table = re.compile(r"(?<!\bsink)(?<!\bframe)(?<!\bf)(?<!\bp)(?<!\bconfig)(?<!\bresponse)(?<!\baxes)(?<!\bfound)"
-                   r"\.(spd|zone_spd|radar|array|depth|depth_mm)\b(?!\()")
+                   r"\.(spd|zone_spd|radar|array|depth|depth_mm)\b(?!\(|\.(known|taps|peak)\b)")
 direct = [f"{path.relative_to(root)}:{number}" for path in tracked()
           if path.is_relative_to(root / "tests") and not path.is_relative_to(root / "tests/fixtures") and path.suffix in (".cpp", ".hpp")
           for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1)
           if table.search(line.partition("//")[0]) and "#include" not in line]
-if len(direct) > 29:
-    faults.append(f"{len(direct)} lines of tests name a table without tests/fixtures, at most 29 may: {', '.join(direct)}")
+if len(direct) > 28:
+    faults.append(f"{len(direct)} lines of tests name a table without tests/fixtures, at most 28 may: {', '.join(direct)}")
 
 # Functions in product code (not in tests) have at most 60 lines.
 for name, code in product.items():
