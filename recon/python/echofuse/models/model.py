@@ -331,9 +331,8 @@ def zones_of(estimator: Estimator, run: runs.Run | Arrays, photons: NDArray[Any]
         directions = np.array([(zone.x, zone.y) for zone in run.zones])
         known, expected = bool(np.isfinite(directions).all()), estimator.t.get("zone_directions")
         if known != (expected is not None):
-            raise ValueError(f"{run.path}: the directions of the detector zones are "
-                             + ("known, but unknown" if known else "unknown, but known")
-                             + " in the training data")
+            raise ValueError(f"{run.path}: the directions of the zones are "
+                             + ("known, expected unknown" if known else "unknown, expected known"))
         if known and not (np.abs(directions - expected) < DIRECTION_TOLERANCE).all():
             raise ValueError(f"{run.path}: the detector zones look in other directions than those "
                              "in training; are they in another order?")
