@@ -45,7 +45,7 @@ class Names(unittest.TestCase):
         sources = [root / "scripts/make_pictures", *(root / "recon/python/echofuse").rglob("*.py")]
         known = set().union(models(), *(patterns_of(path.read_text()) for path in sources))
         known |= set(map(re.escape, re.findall(r"^\| [`*]+([^`*]+)", (root / "recon/RESULTS.md").read_text(), re.M)))
-        known |= {r"[-−]?[\d.,  ]+°?", r"\$\\mathdefault\{.*\}\$", r"(letter|object):\w+"}
+        known |= {r"[-−]?[\d.,  ]+°?", r"\$\\mathdefault\{.*\}\$", r"(letter|object):\w+", "two_people"}  # labels of the simulator
         known = re.compile("|".join(f"(?:{one})" for one in known))
         for path in sorted(pictures.glob("*.svg")):
             if path.name in (*FROZEN, *SKETCHES):
