@@ -1,10 +1,15 @@
 // SPDX-License-Identifier: MIT
 // Laboratory in virtual time with its own folder, and functions that read its run.
 #pragma once
+#include <fcntl.h>
 #include <spdlog/spdlog.h>
 #include <unistd.h>
 
 #include <algorithm>
+#include <cstdio>
+#include <fstream>
+#include <functional>
+#include <iterator>
 #include <numeric>
 #include <optional>
 #include <string>
@@ -20,6 +25,20 @@
 namespace echofuse::test {
 
 using Strings = std::vector<std::string>;
+
+// Returns the text that the action prints to stdout. The text is first stored in the file `path`.
+inline std::string printed_by(const std::string& path, const std::function<void()>& action) {
+  std::fflush(stdout);
+  const int before = ::dup(STDOUT_FILENO);
+  const int file = ::open(path.c_str(), O_CREAT | O_WRONLY | O_TRUNC, 0600);
+  ::dup2(file, STDOUT_FILENO);
+  action();
+  std::fflush(stdout);
+  ::dup2(before, STDOUT_FILENO);
+  ::close(before), ::close(file);
+  std::ifstream in(path);
+  return std::string(std::istreambuf_iterator<char>(in), {});
+}
 
 struct Bench {
   explicit Bench(LaboratoryOptions with = {}) {

@@ -1,16 +1,8 @@
 // SPDX-License-Identifier: MIT
 // Tests commands that use devices, in virtual time: stopping a run, the firmware check, late data,
 // calibrate and doctor.
-#include <fcntl.h>
-#include <unistd.h>
-
 #include <cmath>
-#include <cstdio>
-#include <deque>
 #include <filesystem>
-#include <fstream>
-#include <functional>
-#include <iterator>
 #include <random>
 #include <utility>
 
@@ -19,80 +11,37 @@
 #include "acquire/calibrate/calibrate.hpp"
 #include "acquire/config/calibration.hpp"
 #include "acquire/doctor/doctor.hpp"
-#include "bench.hpp"
-#include "sim/wire/encode.hpp"
+#include "bridged_device.hpp"
 
 using namespace echofuse;
 using test::Bench;
+using test::BridgedDevice;
 using test::has;
 using test::Keeper;
 using test::Laboratory;
 using test::LaboratoryOptions;
+using test::printed_by;
 using namespace std::chrono_literals;
 
 namespace {
 
-// Device behind a bridge. The bridge sends a block of the given kind every 50 ms.
-class BridgedDevice {
- public:
-  using Payload = std::function<Bytes(std::uint32_t number)>;
-  BridgedDevice(port::Loop& loop, int kind, std::string hello, Payload payload)
-      : kind_(kind),
-        hello_(std::move(hello)),
-        payload_(std::move(payload)),
-        timer_(loop),
-        listener(loop) {
-    listener.start({.connected = [this] { begin(); },
-                    .left =
-                        [this] {
-                          timer_.cancel();
-                          listener.accept();
-                        }});
-    listener.accept();
-  }
-
- private:
-  void begin() {
-    number_ = 0;
-    send(0, {hello_.begin(), hello_.end()});
-    next();
-  }
-  void next() {
-    send(kind_, payload_(number_));
-    timer_.after(50ms, [this] { next(); });
-  }
-  void send(int kind, const Bytes& payload) {
-    sent_.push_back(sim::bridge_block(static_cast<sim::BlockKind>(kind), number_++, 0, payload));
-    listener.write(sent_.back(), [](bool) {});
-  }
-
-  int kind_;
-  std::string hello_;
-  Payload payload_;
-  port::Timer timer_;
-  std::deque<Bytes> sent_;
-  std::uint32_t number_ = 0;
-
- public:
-  test::MemoryListener listener;
-};
-
-// Returns a range profile with an echo at range_m. The profile has 100 bins of 0.08 m and begins at
+// Sends a range profile with an echo at range_m. The profile has 100 bins of 0.08 m and begins at
 // 0.3 m.
-BridgedDevice::Payload echo_at(double range_m) {
-  return [range_m, rng = make_rng(3, 1)](std::uint32_t number) mutable {
+auto echo_at(double range_m) {
+  return [range_m, rng = make_rng(3, 1)](BridgedDevice& radar) mutable {
     constexpr std::uint32_t bins = 100;
+    constexpr auto profile = static_cast<sim::BlockKind>(5);
     Bytes payload;
     put(payload, bins);
-    put(payload, number);
-    put(payload, std::uint64_t{50'000} * number);
+    put(payload, radar.number());
+    put(payload, std::uint64_t{50'000} * radar.number());
     put(payload, 0.3F), put(payload, 0.08F);
     std::exponential_distribution<float> noise(1);
     for (std::uint32_t i = 0; i < bins; ++i) {
       const double off = (0.3 + 0.08 * i - range_m) / 0.1;
       put(payload, noise(rng) + static_cast<float>(1e3 * std::exp(-off * off)));
     }
-    return payload;
+    radar.send(profile, payload);
   };
 }
 
@@ -108,20 +57,6 @@ LaboratoryOptions reflector(double more_ps = 0, const std::string& before = "det
             c.spd_delay_ps = 437 + more_ps, c.radar_bias_m = radar_m;
             c.reflector_before = before;
           }};
-}
-
-// Returns the text that the action prints to stdout. The text is first stored in a new file `path`.
-std::string printed_by(const std::string& path, const std::function<void()>& action) {
-  std::fflush(stdout);
-  const int before = ::dup(STDOUT_FILENO);
-  const int file = ::open(path.c_str(), O_CREAT | O_WRONLY, 0600);
-  ::dup2(file, STDOUT_FILENO);
-  action();
-  std::fflush(stdout);
-  ::dup2(before, STDOUT_FILENO);
-  ::close(before), ::close(file);
-  std::ifstream in(path);
-  return std::string(std::istreambuf_iterator<char>(in), {});
 }
 
 // Assumes an exact reflector position, so that the standard errors contain only the measurement
@@ -328,7 +263,7 @@ TEST_CASE("antenna calibration recovers gains and phases for both reflector moun
 TEST_CASE("a radar that is connected through a bridge is calibrated with its range profile") {
   Bench b(reflector());
   const std::string stored = b.folder / "c.toml";
-  BridgedDevice device(b.lab->loop, 5, R"({"model":"R","serial":"R1","firmware":"1"})",
+  BridgedDevice device(b.lab->loop, R"({"model":"R","serial":"R1","firmware":"1"})",
                        echo_at(std::hypot(1, 0.5) + 0.021));
   b.lab->loop.ports["bridge:tcp://radar:1"] = device.listener.opener();
   b.lab->set({"radar.cli=", "radar.data=", "radar.address=bridge:tcp://radar:1",
@@ -375,10 +310,12 @@ TEST_CASE("a failed calibration is not stored") {
   SECTION("a calibration of a counting board that sends histograms is not stored") {
     Bench b(reflector());
     BridgedDevice device(
-        b.lab->loop, 4, R"({"model":"B","serial":"B1","firmware":"1","sends":"histograms"})",
-        [](std::uint32_t number) {
+        b.lab->loop, R"({"model":"B","serial":"B1","firmware":"1","sends":"histograms"})",
+        [](BridgedDevice& board) {
           const std::vector<std::uint32_t> counts(64, 9);
-          return sim::histogram_payload(counts, 64, 50'000 * number, 5000, 0, 100, 50'000);
+          board.send(
+              sim::BlockKind::histogram,
+              sim::histogram_payload(counts, 64, 50'000 * board.number(), 5000, 0, 100, 50'000));
         });
     b.lab->loop.ports["bridge:tcp://board:1"] = device.listener.opener();
     b.lab->set({"radar.cli=", "radar.data=", "tdc.address=bridge:tcp://board:1",

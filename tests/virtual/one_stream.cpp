@@ -1,16 +1,8 @@
 // SPDX-License-Identifier: MIT
 // Sends one stream of bytes to run, import, doctor and calibrate, which must find the same faults
 // and counts.
-#include <fcntl.h>
-#include <unistd.h>
-
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
-#include <deque>
-#include <fstream>
-#include <functional>
-#include <iterator>
 #include <nlohmann/json.hpp>
 #include <random>
 #include <set>
@@ -19,12 +11,12 @@
 #include "acquire/calibrate/calibrate.hpp"
 #include "acquire/doctor/doctor.hpp"
 #include "acquire/import/import.hpp"
-#include "bench.hpp"
+#include "bridged_device.hpp"
 #include "drivers/core/random.hpp"
-#include "sim/wire/encode.hpp"
 
 using namespace echofuse;
 using test::Bench;
+using test::printed_by;
 using namespace std::chrono_literals;
 
 namespace {
@@ -44,32 +36,20 @@ struct StreamFault {
 // after every 40th start.
 class Tagger {
  public:
-  Tagger(port::Loop& loop, const StreamFault& fault) : fault_(fault), timer_(loop), listener(loop) {
-    listener.start({.connected = [this] { begin(); },
-                    .left =
-                        [this] {
-                          timer_.cancel();
-                          listener.accept();
-                        }});
-    listener.accept();
-  }
+  Tagger(port::Loop& loop, const StreamFault& fault)
+      : fault_(fault),
+        bridge_(loop,
+                std::string(R"({"model":"T","serial":"T1","firmware":"1")") +
+                    (fault.histograms ? R"(,"sends":"histograms"})" : "}"),
+                [this](test::BridgedDevice&) { next(); }) {}
+  auto opener() { return bridge_.listener.opener(); }
 
  private:
-  void begin() {
-    number_ = 0;
-    const std::string hello = std::string(R"({"model":"T","serial":"T1","firmware":"1")") +
-                              (fault_.histograms ? R"(,"sends":"histograms"})" : "}");
-    send(sim::BlockKind::hello, {hello.begin(), hello.end()});
-    next();
-  }
   void next() {
-    const bool lost = fault_.lost > 0 && number_ % fault_.lost == fault_.lost - 1;
-    if (lost) ++number_, ++block_;
-    if (fault_.histograms)
-      send(sim::BlockKind::histogram, histogram());
-    else
-      send(sim::BlockKind::tags, tags());
-    timer_.after(50ms, [this] { next(); });
+    if (is_nth(fault_.lost)) bridge_.lose_block(), ++block_;
+    const Bytes payload = fault_.histograms ? histogram() : tags();
+    bridge_.send(fault_.histograms ? sim::BlockKind::histogram : sim::BlockKind::tags, payload,
+                 is_nth(fault_.bad));
   }
   Bytes tags() {
     std::normal_distribution<double> jitter(true_m * ps_per_m, 100);
@@ -93,35 +73,14 @@ class Tagger {
     return sim::histogram_payload(counts, 336, 50'000 * static_cast<std::uint64_t>(block_++),
                                   pulses_per_block, 0, 100, 50'000);
   }
-  void send(sim::BlockKind kind, const Bytes& payload) {
-    sent_.push_back(sim::bridge_block(kind, number_, 0, payload));
-    if (fault_.bad > 0 && number_ % fault_.bad == fault_.bad - 1) sent_.back().back() ^= 1;
-    ++number_;
-    listener.write(sent_.back(), [](bool) {});
-  }
+  // Returns true if the next block is an nth one; n = 0: no block.
+  bool is_nth(std::uint32_t n) const { return n > 0 && bridge_.number() % n == n - 1; }
+
   StreamFault fault_;
   std::mt19937_64 rng_{make_rng(7, 1)};
-  port::Timer timer_;
-  std::deque<Bytes> sent_;
-  std::uint32_t number_ = 0;
   std::int64_t block_ = 0;
-
- public:
-  test::MemoryListener listener;
+  test::BridgedDevice bridge_;
 };
-
-std::string printed_by(const std::string& path, const std::function<void()>& action) {
-  std::fflush(stdout);
-  const int before = ::dup(STDOUT_FILENO);
-  const int file = ::open(path.c_str(), O_CREAT | O_WRONLY | O_TRUNC, 0600);
-  ::dup2(file, STDOUT_FILENO);
-  action();
-  std::fflush(stdout);
-  ::dup2(before, STDOUT_FILENO);
-  ::close(before), ::close(file);
-  std::ifstream in(path);
-  return std::string(std::istreambuf_iterator<char>(in), {});
-}
 
 }  // namespace
 
@@ -135,7 +94,7 @@ TEST_CASE("run, import, doctor and calibrate find the same faults and counts in 
   CAPTURE(fault.name);
   Bench b({.window_s = 2});
   Tagger tagger(b.lab->loop, fault);
-  b.lab->loop.ports["bridge:tcp://tagger:1"] = tagger.listener.opener();
+  b.lab->loop.ports["bridge:tcp://tagger:1"] = tagger.opener();
   b.lab->set({"radar.cli=", "radar.data=", "depth.address=", "tdc.first_bin_ps=0",
               "tdc.bin_width_ps=100", "tdc.bins=336", "tdc.address=bridge:tcp://tagger:1",
               "run.folder=" + b.folder / "", "run.calibration=" + b.folder / "c.toml"},
