@@ -129,7 +129,7 @@ def smooth(counts: Ranges) -> Ranges:
     return out
 
 
-def refined(h: Ranges, at: NDRanges[np.integer[Any]]) -> Ranges:
+def refined(h: Ranges, at: NDArray[np.integer[Any]]) -> Ranges:
     """Returns the vertex, in bins, of the parabola through the bin `at` and its neighbours."""
     low, top, high = (np.take_along_axis(h, at[..., None] + k, -1)[..., 0] for k in (-1, 0, 1))
     bend = low - 2 * top + high
