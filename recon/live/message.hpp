@@ -42,9 +42,8 @@
 //   sheet      Thumbnails of records at equal distances in the run: index, maps (m) of sheet_side x
 //              sheet_side pixels, lacks (true if the depth map is missing), time_s since the first
 //              record. Columns of a waterfall: spd (clicks), radar (dB), NaN if missing.
-//   saved      Only in a saved page, as its first message: utc, records (indices of the records
-//   that
-//              it contains, which are the messages that follow), of (records of the run).
+//   saved      First message of a saved page: utc, records (indices of its records, which are the
+//              following messages), of (number of records of the run).
 //   answer     Result of a mark or label: ok, text.
 //   trouble    Sent every second instead of state if the run cannot be shown: text (reason).
 // Each message from the client is a text of at most 1024 bytes, e.g.
