@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "drivers/util/format.hpp"
 #include "recon/api/internals.hpp"
-#include "recon/numbers/text.hpp"
 #include "recon/predict/predict.hpp"
 
 namespace echofuse {
@@ -13,7 +13,7 @@ namespace {
 
 // Names are imported one by one, because recon::Model would clash with echofuse::Model.
 using recon::Column, recon::ColumnAxis, recon::Dataset, recon::Features, recon::MappedRecord,
-    recon::Matrix, recon::RecordStatus, recon::SceneModel, recon::TrainedModel, recon::formatted;
+    recon::Matrix, recon::RecordStatus, recon::SceneModel, recon::TrainedModel;
 
 DepthMap public_map(MappedRecord made, const SceneModel& scene) {
   RecordStatus& status = made.status;
@@ -39,12 +39,12 @@ void put_row(Column& column, const ColumnAxis& axis, std::span<const float> valu
   const auto refuse = [&](const std::string& fault) {
     throw Error(ExitCode::usage, std::string(name) + ": " + fault + "; the model expects " +
                                      std::to_string(wanted) + " finite values" +
-                                     (limit ? formatted(" of at least %g", double{*limit}) : ""));
+                                     (limit ? format(" of at least %g", double{*limit}) : ""));
   };
   if (!values.empty() && values.size() != wanted) refuse(std::to_string(values.size()) + " values");
   for (std::size_t i = 0; i < values.size(); ++i)
     if (!std::isfinite(values[i]) || (limit && values[i] < *limit))
-      refuse("value " + std::to_string(i) + " is " + formatted("%g", double{values[i]}));
+      refuse("value " + std::to_string(i) + " is " + format("%g", double{values[i]}));
   column = Matrix(1, wanted), column.axis = axis;
   std::ranges::copy(values, column.row(0).begin());
 }

@@ -8,11 +8,11 @@
 
 #include "drivers/util/command_line.hpp"
 #include "drivers/util/console.hpp"
+#include "drivers/util/format.hpp"
 #include "drivers/util/printable.hpp"
 #include "recon/maps/map_files.hpp"
 #include "recon/maps/reconstruct.hpp"
 #include "recon/numbers/parallel.hpp"
-#include "recon/numbers/text.hpp"
 #include "recon/predict/empty_room.hpp"
 
 namespace echofuse::recon {
@@ -107,7 +107,7 @@ class ReconstructReport {
     std::string reasons;
     for (const auto& [reason, count] : reasons_) {
       all += count;
-      reasons += formatted("%s%zu %s", reasons.empty() ? "" : "; ", count, reason.c_str());
+      reasons += format("%s%zu %s", reasons.empty() ? "" : "; ", count, reason.c_str());
     }
     std::fprintf(stderr, "%zu of %zu records are out of distribution: %s\n", all, good_,
                  reasons.c_str());

@@ -8,9 +8,9 @@
 
 #include "drivers/util/command_line.hpp"
 #include "drivers/util/console.hpp"
+#include "drivers/util/format.hpp"
 #include "drivers/util/printable.hpp"
 #include "recon/cli/commands.hpp"
-#include "recon/numbers/text.hpp"
 #include "recon/score/paired.hpp"
 
 namespace echofuse::recon {
@@ -54,8 +54,8 @@ nlohmann::json json_of(const std::vector<NamedScores>& all) {
 }
 
 std::string interval_text(const MeanInterval& i) {
-  return std::isnan(i.low) ? formatted("%.4f (too few records for an interval)", i.mean)
-                           : formatted("%.4f (95 %%: %.4f to %.4f)", i.mean, i.low, i.high);
+  return std::isnan(i.low) ? format("%.4f (too few records for an interval)", i.mean)
+                           : format("%.4f (95 %%: %.4f to %.4f)", i.mean, i.low, i.high);
 }
 
 std::string text_of(const std::vector<NamedScores>& all) {
@@ -64,13 +64,13 @@ std::string text_of(const std::vector<NamedScores>& all) {
     const std::vector<MapScores> scores = all_of(one);
     for (const Metric m : shown)
       if (const MeanInterval i = mean_interval(scores, m); i.records > 0)
-        out += formatted("%s: %s %s, %zu records\n", one.name.c_str(), metric_names[m],
-                         interval_text(i).c_str(), i.records);
+        out += format("%s: %s %s, %zu records\n", one.name.c_str(), metric_names[m],
+                      interval_text(i).c_str(), i.records);
     if (&one == &all[0]) continue;
     for (const PairedDifference& d : differences_of(all[0], one))
       if (d.metric == metric_iou || d.metric == metric_lateral_m)
-        out += formatted("%s vs %s: %s better by %s\n", one.name.c_str(), all[0].name.c_str(),
-                         metric_names[d.metric], interval_text(d).c_str());
+        out += format("%s vs %s: %s better by %s\n", one.name.c_str(), all[0].name.c_str(),
+                      metric_names[d.metric], interval_text(d).c_str());
   }
   return out;
 }

@@ -15,13 +15,13 @@
 #include "drivers/core/crc32c.hpp"
 #include "drivers/util/command_line.hpp"
 #include "drivers/util/console.hpp"
+#include "drivers/util/format.hpp"
 #include "drivers/util/printable.hpp"
 #include "recon/cli/commands.hpp"
 #include "recon/data/files.hpp"
 #include "recon/data/late_truth.hpp"
 #include "recon/maps/written_maps.hpp"
 #include "recon/numbers/parallel.hpp"
-#include "recon/numbers/text.hpp"
 #include "recon/score/evaluate.hpp"
 #include "recon/score/paired.hpp"
 #include "recon/train/train.hpp"
@@ -60,7 +60,7 @@ std::string place_of(std::span<const float> truth, const SceneModel& scene) {
     range_m += double{truth[p]}, ++pixels;
     side_m += x.at(static_cast<double>(p % x.count)) * double{truth[p]};
   }
-  return pixels > 0 ? formatted("%.9g,%.9g", range_m / pixels, side_m / pixels) : ",";
+  return pixels > 0 ? format("%.9g,%.9g", range_m / pixels, side_m / pixels) : ",";
 }
 
 // Writes a CSV table with one line per method and record.
@@ -72,10 +72,10 @@ void write_records(const std::string& path, const Dataset& data, const SceneMode
   for (const MethodScores& one : all)
     for (std::size_t i = 0; i < one.rows.size(); ++i) {
       const std::size_t row = one.rows[i];
-      out += formatted("%lld,", static_cast<long long>(data.index[row])) +
-             csv_text(data.label[row]) + ',' + csv_text(one.name);
+      out += format("%lld,", static_cast<long long>(data.index[row])) + csv_text(data.label[row]) +
+             ',' + csv_text(one.name);
       const auto number = [](double value) {
-        return std::isnan(value) ? "," : formatted(",%.9g", value);
+        return std::isnan(value) ? "," : format(",%.9g", value);
       };
       for (const double score : one.scores[i]) out += number(score);
       out += ',' + place_of(data.depth().row(row), scene);
@@ -100,11 +100,10 @@ std::string paired_text(const std::vector<MethodScores>& all) {
   for (std::size_t k = 1; k < all.size(); ++k)
     for (const PairedDifference& d : differences_of(all, k))
       if (d.metric == metric_iou || d.metric == metric_lateral_m)
-        out +=
-            formatted("%s vs %s: %s better by %.4f (%s)\n", all[k].name.c_str(),
+        out += format("%s vs %s: %s better by %.4f (%s)\n", all[k].name.c_str(),
                       all[0].name.c_str(), metric_names[d.metric], d.mean,
                       std::isnan(d.low) ? "too few records for an interval"
-                                        : formatted("95 %%: %.4f to %.4f", d.low, d.high).c_str());
+                                        : format("95 %%: %.4f to %.4f", d.low, d.high).c_str());
   return out;
 }
 
@@ -274,9 +273,9 @@ void add_folder(ScoredMaps& out, const WrittenMaps& maps, const Dataset& data, c
                 const SceneModel& scene) {
   out.answered.push_back(count_maps(maps, data, rows));
   if (out.answered.back() < rows.size())
-    out.unanswered += formatted(
-        "%s: %zu of %zu records have a map; missing maps are replaced by the empty room\n",
-        maps.name.c_str(), out.answered.back(), rows.size());
+    out.unanswered +=
+        format("%s: %zu of %zu records have a map; missing maps are replaced by the empty room\n",
+               maps.name.c_str(), out.answered.back(), rows.size());
   out.all.push_back({maps.name, rows,
                      score_maps(maps_of(maps, data, rows, scene.background), data, rows, scene)});
 }
@@ -347,10 +346,10 @@ ExitCode evaluate_maps(const Arguments& a, const Common& common) {
   } else {
     std::vector<ScoredRow> table = scored;
     table.insert(table.end(), baselines.begin(), baselines.end());
-    print(printable_lines(
-        formatted("%zu records; mean +- standard error over maps\n", rows.size()) +
-        (left_out_line.empty() ? "" : left_out_line + "\n") + maps.unanswered +
-        (note.empty() ? "" : note + "\n") + to_table(table) + paired_text(maps.all)));
+    print(printable_lines(format("%zu records; mean +- standard error over maps\n", rows.size()) +
+                          (left_out_line.empty() ? "" : left_out_line + "\n") + maps.unanswered +
+                          (note.empty() ? "" : note + "\n") + to_table(table) +
+                          paired_text(maps.all)));
   }
   return ExitCode::ok;
 }

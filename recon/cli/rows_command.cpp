@@ -10,10 +10,10 @@
 
 #include "drivers/util/command_line.hpp"
 #include "drivers/util/console.hpp"
+#include "drivers/util/format.hpp"
 #include "drivers/util/printable.hpp"
 #include "recon/cli/commands.hpp"
 #include "recon/cli/train_settings.hpp"
-#include "recon/numbers/text.hpp"
 #include "recon/score/evaluate.hpp"
 #include "recon/train/crossvalidate.hpp"
 #include "recon/train/train.hpp"
@@ -73,13 +73,13 @@ std::string summary(const std::vector<ListedRow>& rows) {
   std::map<std::string, std::size_t> in_part, reasons;
   for (const ListedRow& row : rows)
     ++(row.left_out.empty() ? in_part[row.part] : reasons[row.left_out]);
-  std::string out = formatted("%zu records", rows.size()), separator = ": ";
+  std::string out = format("%zu records", rows.size()), separator = ": ";
   for (const char* part : parts)
     if (in_part[part] > 0)
-      out += separator + formatted("%zu %s", in_part[part], part), separator = ", ";
+      out += separator + format("%zu %s", in_part[part], part), separator = ", ";
   separator = "; left out: ";
   for (const auto& [why, count] : reasons)
-    out += separator + formatted("%s %zu", why.c_str(), count), separator = ", ";
+    out += separator + format("%s %zu", why.c_str(), count), separator = ", ";
   return out;
 }
 
@@ -87,7 +87,7 @@ void list(const std::vector<ListedRow>& rows, bool several_runs) {
   std::string text;
   for (const ListedRow& row : rows)
     text += (several_runs ? printable(row.run) + " " : "") +
-            formatted("%lld ", static_cast<long long>(row.index)) +
+            format("%lld ", static_cast<long long>(row.index)) +
             (row.left_out.empty() ? row.part : "left out: " + printable(row.left_out)) + '\n';
   std::fputs(text.c_str(), stdout);
 }

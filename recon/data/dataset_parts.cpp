@@ -6,10 +6,10 @@
 #include <functional>
 #include <map>
 
+#include "drivers/util/format.hpp"
 #include "drivers/util/printable.hpp"
 #include "recon/data/dataset.hpp"
 #include "recon/numbers/statistics.hpp"
-#include "recon/numbers/text.hpp"
 
 namespace echofuse::recon {
 
@@ -59,10 +59,10 @@ std::string left_out_text(const std::map<std::string, std::size_t>& reasons, std
   std::string text;
   for (const auto& [why, count] : reasons) {
     if (count == 0) continue;
-    text += formatted("%s%s %zu", text.empty() ? "" : ", ", why.c_str(), count);
+    text += format("%s%s %zu", text.empty() ? "" : ", ", why.c_str(), count);
     left_out += count;
   }
-  return text.empty() ? text : formatted("%zu of %zu records left out: ", left_out, all) + text;
+  return text.empty() ? text : format("%zu of %zu records left out: ", left_out, all) + text;
 }
 
 std::string Dataset::doubt_of(std::size_t row, Inputs inputs, bool with_camera) const {

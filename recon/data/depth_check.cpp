@@ -6,8 +6,8 @@
 #include <numeric>
 
 #include "drivers/util/exit_code.hpp"
+#include "drivers/util/format.hpp"
 #include "drivers/util/printable.hpp"
-#include "recon/numbers/text.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -15,7 +15,7 @@ namespace {
 constexpr double nearest_m = 0.05;  // below the minimum range of any depth camera
 
 std::string length_text(double m) {
-  return m < 0.1 ? formatted("%.3g mm", 1000 * m) : formatted("%.3g m", m);
+  return m < 0.1 ? format("%.3g mm", 1000 * m) : format("%.3g m", m);
 }
 
 }  // namespace
@@ -59,7 +59,7 @@ std::string DepthCheck::text(const std::string& path, const Axis& spd) const {
                                       "; expected metres in arrays, millimetres in images");
   std::string out;
   if (records_beyond_ > 0)
-    out = formatted(
+    out = format(
         "%zu of %zu records have depths beyond %.4g m, treated as no return (%.3g %% of "
         "all depths; median depth %s); map_z_max_m sets this limit",
         records_beyond_, records_, far_m_,
@@ -68,7 +68,7 @@ std::string DepthCheck::text(const std::string& path, const Axis& spd) const {
         length_text(median).c_str());
   const double from_m = spd.start / ps_per_m, to_m = spd.at(spd.count) / ps_per_m;
   if (spd.unit == "ps" && (2 * median < from_m || median > to_m))
-    out += formatted(
+    out += format(
         "%sthe median depth is %s, but the histogram covers %.3g to %.3g m; expected depths in "
         "metres",
         out.empty() ? "" : "; ", length_text(median).c_str(), from_m, to_m);

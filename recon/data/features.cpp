@@ -6,7 +6,6 @@
 #include <numeric>
 
 #include "recon/numbers/statistics.hpp"
-#include "recon/numbers/text.hpp"
 
 namespace echofuse::recon {
 

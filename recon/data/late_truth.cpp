@@ -5,9 +5,9 @@
 #include <cmath>
 #include <vector>
 
+#include "drivers/util/format.hpp"
 #include "drivers/util/printable.hpp"
 #include "recon/numbers/statistics.hpp"
-#include "recon/numbers/text.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -60,7 +60,7 @@ std::string late_truth_of(const Dataset& data, const Source& run, const std::vec
   const double error = std::sqrt(2 / static_cast<double>(ranges.size() - 3));
   if (best < least_correlation || fisher_z(best) - fisher_z(own) < clear * error) return {};
   return printable(run.path) +
-         formatted(
+         format(
              ": histogram ranges fit the depth maps of the %s records (correlation %.2f) "
              "better than those of their own records (%.2f): the maps are one record %s; shift "
              "them by one record",

@@ -2,10 +2,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include "drivers/util/format.hpp"
 #include "drivers/util/printable.hpp"
 #include "recon/data/dataset.hpp"
 #include "recon/numbers/statistics.hpp"
-#include "recon/numbers/text.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -20,13 +20,13 @@ std::string describe(const Axis& a) {
 // Describes how the zones differ; empty if they agree.
 std::string difference(const Zones& found, const Zones& wanted) {
   if (found.size() != wanted.size())
-    return formatted("%zu zones, expected %zu", found.size(), wanted.size());
+    return format("%zu zones, expected %zu", found.size(), wanted.size());
   const auto [a, b] = std::ranges::mismatch(found, wanted, same_direction);
   if (a == found.end()) return {};
   const auto known = [](const Zone& zone) { return zone.has_direction() ? "known" : "unknown"; };
   if (a->has_direction() != b->has_direction())
-    return formatted("the directions of the zones are %s, expected %s", known(*a), known(*b));
-  return formatted(
+    return format("the directions of the zones are %s, expected %s", known(*a), known(*b));
+  return format(
       "zone %td is at x %.2f, y %.2f (tangents), expected x %.2f, y %.2f; are the zones in another "
       "order?",
       a - found.begin(), a->x, a->y, b->x, b->y);
@@ -38,18 +38,18 @@ std::string difference(const ColumnAxis& found, const ColumnAxis& wanted) {
   if (found.quantity != wanted.quantity || found.unit != wanted.unit)
     return "quantity or unit differs";
   if (found.scale != wanted.scale)
-    return formatted("scale is %.4g, expected %.4g", found.scale, wanted.scale);
+    return format("scale is %.4g, expected %.4g", found.scale, wanted.scale);
   std::string out;
   const auto add = [&](const std::string& text) { out += (out.empty() ? "" : "; ") + text; };
   const auto off = [&](std::uint32_t i) { return std::abs(found.at(i) - wanted.at(i)); };
   const double limit = std::abs(wanted.step);
-  if (off(0) > limit) add(formatted("start differs by %.4g bins (limit 1)", off(0) / limit));
+  if (off(0) > limit) add(format("start differs by %.4g bins (limit 1)", off(0) / limit));
   if (const double drift = wanted.count * std::abs(found.step - wanted.step); drift > limit)
-    add(formatted("step differs: %.4g bins at the end of the axis (limit 1)", drift / limit));
+    add(format("step differs: %.4g bins at the end of the axis (limit 1)", drift / limit));
   if (found.count < wanted.count)
-    add(formatted("too short: %u bins, expected %u", found.count, wanted.count));
+    add(format("too short: %u bins, expected %u", found.count, wanted.count));
   if (const std::string zones = difference(found.zones, wanted.zones); !zones.empty()) add(zones);
-  return out.empty() ? formatted("end differs by %.4g bins (limit 1)", off(wanted.count) / limit)
+  return out.empty() ? format("end differs by %.4g bins (limit 1)", off(wanted.count) / limit)
                      : out;
 }
 

@@ -3,9 +3,9 @@
 #include <sstream>
 
 #include "drivers/util/exit_code.hpp"
+#include "drivers/util/format.hpp"
 #include "drivers/util/printable.hpp"
 #include "recon/live/run_messages.hpp"
-#include "recon/numbers/text.hpp"
 
 namespace echofuse::view {
 
@@ -52,7 +52,7 @@ nlohmann::json RunMessages::facts() const {
         add(name_of(d.sensor), d.model + " " + d.serial + " " + d.firmware + " at " + d.address);
       for (const auto& c : run.calibrations())
         add(name_of(c.sensor) + std::string(", calibrated"),
-            recon::formatted("%+.4f m, %.10s", c.offset_m, c.date_utc.c_str()));
+            format("%+.4f m, %.10s", c.offset_m, c.date_utc.c_str()));
     });
   } catch (const Error&) {  // ignored: other messages report this error
   }

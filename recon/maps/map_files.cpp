@@ -9,9 +9,9 @@
 #include <utility>
 
 #include "drivers/util/exit_code.hpp"
+#include "drivers/util/format.hpp"
 #include "recon/data/files.hpp"
 #include "recon/maps/png.hpp"
-#include "recon/numbers/text.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -106,7 +106,7 @@ Bytes point_cloud(std::span<const float> map, const record::MapGrid& grid, const
 std::string camera_json(const record::MapGrid& grid) {
   const double f = 1 / grid.step(), c = (grid.size - 1) / 2.0;
   const auto n = static_cast<unsigned>(grid.size);
-  return formatted(
+  return format(
       "{\"width\": %u, \"height\": %u, \"fx\": %.9g, \"fy\": %.9g, \"cx\": %g, \"cy\": %g,\n"
       " \"depth_scale\": 1000, \"intrinsic_matrix\": [%.9g, 0, 0, 0, %.9g, 0, %g, %g, 1]}\n",
       n, n, f, f, c, c, f, f, c, c);
@@ -136,7 +136,7 @@ std::vector<std::string> map_format_names() {
 std::string map_format_help() {
   std::string out;
   for (const MapFormat& f : map_formats)
-    out += formatted("%s%s (%s)", out.empty() ? "" : ", ", f.name, f.what);
+    out += format("%s%s (%s)", out.empty() ? "" : ", ", f.name, f.what);
   return out;
 }
 
@@ -164,7 +164,7 @@ MapFiles::Ready MapFiles::prepare(std::int64_t index, std::span<const float> pre
   Ready out{index, {}, {}};
   const auto picture = [&](const char* end, Bytes contents) {
     out.pictures.push_back(
-        {folder_ + formatted("/%06lld", static_cast<long long>(index)) + end, std::move(contents)});
+        {folder_ + format("/%06lld", static_cast<long long>(index)) + end, std::move(contents)});
   };
   std::vector<float> there;
   if (wants("ply") || wants("colour") || wants("foreground")) there = thresholded_map(map, scene_);

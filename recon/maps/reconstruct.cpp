@@ -21,6 +21,7 @@
 #include "acquire/record/run_file.hpp"
 #include "acquire/record/run_names.hpp"
 #include "drivers/util/console.hpp"
+#include "drivers/util/format.hpp"
 #include "drivers/util/new_file.hpp"
 #include "drivers/util/printable.hpp"
 #include "drivers/util/program.hpp"
@@ -73,12 +74,12 @@ void mark(const ReconstructOptions& options, const TrainedModel& model,
   std::string numbers;
   for (const std::int64_t index : trained)
     numbers += (numbers.empty() ? trained_on_records : ",") + std::to_string(index);
-  write_atomically(options.out + "/run.txt",
-                   run.info().uuid + "\n" + printable(run.path()) + "\n" + numbers +
-                       (numbers.empty() ? "" : "\n") + calibration_of(model) + "\n" +
-                       (options.range_offset_m == 0
-                            ? ""
-                            : formatted("range offset %.9g m\n", options.range_offset_m)));
+  write_atomically(
+      options.out + "/run.txt",
+      run.info().uuid + "\n" + printable(run.path()) + "\n" + numbers +
+          (numbers.empty() ? "" : "\n") + calibration_of(model) + "\n" +
+          (options.range_offset_m == 0 ? ""
+                                       : format("range offset %.9g m\n", options.range_offset_m)));
 }
 
 class StatusTable {
@@ -94,8 +95,8 @@ class StatusTable {
         (r.note.empty() ? "ok" : r.note) + (r.doubt.empty() ? "" : "; " + r.doubt);
     const std::string status = r.fault.empty() ? made : r.fault;
     out_ << r.index << "," << csv_text(status) << ","
-         << (r.after_slot_s ? formatted("%.4f", *r.after_slot_s) : "")
-         << (r.body ? formatted(",%.3f,%.3f,", r.body->x_m, r.body->z_m) : ",,,");
+         << (r.after_slot_s ? format("%.4f", *r.after_slot_s) : "")
+         << (r.body ? format(",%.3f,%.3f,", r.body->x_m, r.body->z_m) : ",,,");
     if (r.uncertainty) add(*r.uncertainty);
     out_ << (r.uncertainty ? "," : ",,,,")
          << (r.fault.empty() ? calibration_name(r.uncertainty.has_value()) : "") << "\n";
@@ -111,11 +112,11 @@ class StatusTable {
 
  private:
   void add(const PredictionUncertainty& c) {
-    out_ << (std::isnan(c.lateral_interval_90_m) ? "" : formatted("%.3f", c.lateral_interval_90_m))
-         << formatted(",%.3f,", c.out_of_distribution.distance)
+    out_ << (std::isnan(c.lateral_interval_90_m) ? "" : format("%.3f", c.lateral_interval_90_m))
+         << format(",%.3f,", c.out_of_distribution.distance)
          << (std::isnan(c.out_of_distribution.two_bodies)
                  ? ""
-                 : formatted("%.3f", c.out_of_distribution.two_bodies))
+                 : format("%.3f", c.out_of_distribution.two_bodies))
          << ",\"" << c.out_of_distribution.text() << "\"";
   }
   std::string path_;

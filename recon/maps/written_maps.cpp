@@ -11,11 +11,11 @@
 #include <sstream>
 
 #include "drivers/core/median.hpp"
+#include "drivers/util/format.hpp"
 #include "drivers/util/npy.hpp"
 #include "drivers/util/printable.hpp"
 #include "recon/data/files.hpp"
 #include "recon/maps/png.hpp"
-#include "recon/numbers/text.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -29,8 +29,8 @@ namespace fs = std::filesystem;
 void require_grid(const std::string& path, std::size_t width, std::size_t height,
                   const record::MapGrid& grid) {
   if (width != grid.size || height != grid.size)
-    refuse(path, formatted("maps have %zu x %zu pixels; expected %u x %u", width, height, grid.size,
-                           grid.size));
+    refuse(path, format("maps have %zu x %zu pixels; expected %u x %u", width, height, grid.size,
+                        grid.size));
 }
 
 // Converts NaN to 0. Throws Error(failed) if a value is not a possible depth in metres.
@@ -40,16 +40,16 @@ std::vector<float> depths(const std::string& path, std::int64_t index, std::vect
   for (float& z : out) {
     if (std::isnan(z)) z = 0;
     if (!(z >= -100 && z < 1e6))
-      refuse(path, formatted("record %lld has an impossible depth: %g m",
-                             static_cast<long long>(index), double{z}));
+      refuse(path, format("record %lld has an impossible depth: %g m",
+                          static_cast<long long>(index), double{z}));
     if (z > 0) there.push_back(z);
   }
   if (there.empty()) return out;
   const float median_m = median(std::move(there));
   if (median_m > 200)
-    refuse(path, formatted("the median depth of record %lld is %g m; expected metres, not "
-                           "millimetres",
-                           static_cast<long long>(index), double{median_m}));
+    refuse(path, format("the median depth of record %lld is %g m; expected metres, not "
+                        "millimetres",
+                        static_cast<long long>(index), double{median_m}));
   return out;
 }
 
@@ -67,7 +67,7 @@ void read_table(const std::string& path, const Visit& visit) {
   const auto head = csv_fields(line);
   const auto column = [&](const char* name) {
     const auto at = std::ranges::find(head, name);
-    if (at == head.end()) refuse(path, formatted("has no column \"%s\"", name));
+    if (at == head.end()) refuse(path, format("has no column \"%s\"", name));
     return static_cast<std::size_t>(at - head.begin());
   };
   const std::size_t index = column("record"), status = column("status");
@@ -78,7 +78,7 @@ void read_table(const std::string& path, const Visit& visit) {
     const std::string& word = fields[index];
     const auto read = std::from_chars(word.data(), word.data() + word.size(), number);
     if (read.ec != std::errc{} || read.ptr != word.data() + word.size())
-      refuse(path, formatted("\"%s\" is not a record index", printable(word).c_str()));
+      refuse(path, format("\"%s\" is not a record index", printable(word).c_str()));
     visit(number, has_map(fields[status]));
   }
 }
@@ -95,8 +95,8 @@ void read_array(const std::string& folder, const record::MapGrid& grid, WrittenM
     if (row++ < file.rows()) out.of_index[index] = depths(path, index, file.next_row());
   });
   if (row != file.rows())
-    refuse(path, formatted("has %zu maps, but records.csv lists %zu records with a map",
-                           file.rows(), row));
+    refuse(path,
+           format("has %zu maps, but records.csv lists %zu records with a map", file.rows(), row));
 }
 
 void read_pictures(const std::string& folder, const record::MapGrid& grid, WrittenMaps& out) {
@@ -114,8 +114,8 @@ void read_pictures(const std::string& folder, const record::MapGrid& grid, Writt
   constexpr double widest = 1e6;
   require_grid(camera_path, static_cast<std::size_t>(std::min(width, widest)), grid.size, grid);
   if (std::abs(fx * grid.step() - 1) > 1.0 / grid.size)
-    refuse(camera_path, formatted("fx is %g; expected %g, for the field of view of the run", fx,
-                                  1 / grid.step()));
+    refuse(camera_path,
+           format("fx is %g; expected %g, for the field of view of the run", fx, 1 / grid.step()));
   // Paths of the pictures by record index. Pictures in millimetres take precedence.
   std::map<std::int64_t, std::string> pictures;
   for (const auto& entry : fs::directory_iterator(folder)) {
@@ -129,7 +129,7 @@ void read_pictures(const std::string& folder, const record::MapGrid& grid, Writt
   for (const auto& [index, path] : pictures) {
     const auto steps = decode_png16(read_file(path), grid.size, grid.size);
     if (steps.empty())
-      refuse(path, formatted("expected a 16-bit grey PNG of %u x %u", grid.size, grid.size));
+      refuse(path, format("expected a 16-bit grey PNG of %u x %u", grid.size, grid.size));
     std::vector<double> metres(steps.begin(), steps.end());
     for (double& z : metres) z /= scale;
     out.of_index[index] = depths(path, index, std::move(metres));
@@ -194,8 +194,8 @@ std::size_t count_maps(const WrittenMaps& maps, const Dataset& data, const Rows&
   const auto answered = static_cast<std::size_t>(std::ranges::count_if(
       rows, [&](std::size_t row) { return maps.of_index.contains(data.index[row]); }));
   if (answered == 0)
-    refuse(maps.name, formatted("has %zu maps, but none for the %zu scored records",
-                                maps.of_index.size(), rows.size()));
+    refuse(maps.name, format("has %zu maps, but none for the %zu scored records",
+                             maps.of_index.size(), rows.size()));
   return answered;
 }
 

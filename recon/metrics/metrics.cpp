@@ -6,8 +6,8 @@
 #include <limits>
 #include <opencv2/imgproc.hpp>
 
+#include "drivers/util/format.hpp"
 #include "recon/numbers/statistics.hpp"
-#include "recon/numbers/text.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -179,8 +179,8 @@ Summaries summarise(const std::vector<MapScores>& scores) {
 
 std::string formatted(const Summary& s, const char* plus_minus) {
   if (std::isnan(s.mean)) return "-";
-  if (std::isnan(s.se)) return formatted("%.3f", s.mean);
-  return formatted("%.3f", s.mean) + plus_minus + formatted("%.3f", s.se);
+  if (std::isnan(s.se)) return format("%.3f", s.mean);
+  return format("%.3f", s.mean) + plus_minus + format("%.3f", s.se);
 }
 
 namespace {

@@ -5,10 +5,10 @@
 #include <cmath>
 #include <vector>
 
+#include "drivers/util/format.hpp"
 #include "drivers/util/printable.hpp"
 #include "recon/metrics/scene_model.hpp"
 #include "recon/numbers/statistics.hpp"
-#include "recon/numbers/text.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -83,7 +83,7 @@ std::string line_of(const Dataset& data, const Source& run) {
   const double found = correlation(farther_m, of_side_m);
   if (fisher_z(found) * std::sqrt(static_cast<double>(farther_m.size() - 3)) > -clear) return {};
   return printable(run.path) +
-         formatted(
+         format(
              ": the depth maps show bodies on the wrong side (correlation of the side with the "
              "radar's ranges %.2f in %zu records): the camera image is mirrored, or the radar is "
              "to the right of the detector; flip the depth maps left to right",

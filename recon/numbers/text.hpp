@@ -5,9 +5,6 @@
 
 namespace echofuse::recon {
 
-// Formats its arguments like printf(), and returns the resulting string.
-__attribute__((format(printf, 1, 2))) std::string formatted(const char* format, ...);
-
 // Splits "512,256" into "512" and "256". Returns an empty list for an empty string.
 std::vector<std::string> split_at_commas(const std::string& text);
 

@@ -5,7 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "acquire/measurement/depth_map.hpp"
-#include "recon/numbers/text.hpp"
+#include "drivers/util/format.hpp"
 #include "recon/score/evaluate.hpp"
 
 namespace echofuse::recon {
@@ -15,8 +15,8 @@ using nlohmann::json;
 
 std::string to_text(const TwoPeopleCounts& two) {
   if (two.records == 0) return "";
-  return formatted("%zu of %zu records with two people are flagged as out of distribution",
-                   two.flagged, two.records);
+  return format("%zu of %zu records with two people are flagged as out of distribution",
+                two.flagged, two.records);
 }
 
 json number(double value) { return std::isnan(value) ? json(nullptr) : json(value); }
@@ -93,16 +93,15 @@ json to_json(const std::vector<ScoredRow>& rows, const std::vector<ScoredRow>& b
 }
 
 std::string to_table(const std::vector<ScoredRow>& rows) {
-  std::string out = formatted("%-12s", "metric");
-  for (const auto& row : rows) out += formatted(" %15s", row.name.c_str());
+  std::string out = format("%-12s", "metric");
+  for (const auto& row : rows) out += format(" %15s", row.name.c_str());
   out += '\n';
   for (std::size_t m = 0; m < metric_count; ++m) {
-    out += formatted("%-12s", metric_names[m]);
-    for (const auto& row : rows)
-      out += formatted(" %15s", formatted(row.metrics[m], " +-").c_str());
+    out += format("%-12s", metric_names[m]);
+    for (const auto& row : rows) out += format(" %15s", formatted(row.metrics[m], " +-").c_str());
     if (m == metric_depth_mae_m) {
-      out += formatted("\n%-12s", "  over maps");
-      for (const auto& row : rows) out += formatted(" %15zu", row.metrics[m].maps);
+      out += format("\n%-12s", "  over maps");
+      for (const auto& row : rows) out += format(" %15zu", row.metrics[m].maps);
     }
     out += '\n';
   }
@@ -114,11 +113,11 @@ std::string to_text(const std::optional<UncertaintyCalibration>& c) {
   const std::string lateral =
       std::isnan(c->within_90)
           ? ""
-          : formatted(
+          : format(
                 "%.1f %% of the bodies are within their 90 %% interval, which is +- %.1f cm on "
                 "average; ",
                 100 * c->within_90, 100 * c->lateral_interval_90_m);
-  return lateral + formatted(
+  return lateral + format(
                        "%.2f %% of the records are out of distribution; rms error per pixel "
                        "%.2f m, estimated %.2f m\n",
                        100 * c->flagged, c->error_m, c->deviation_m);
@@ -131,7 +130,7 @@ std::string mirrored_truth(const Summaries& metrics) {
   constexpr double most_share = 0.1;
   const Summary& right = metrics[metric_left_right];
   if (right.maps < least_maps || !(right.mean < most_share)) return {};
-  return formatted(
+  return format(
       "the predicted side is wrong for %.0f of %zu bodies: the camera image is mirrored in this "
       "run or was mirrored in training; flip the depth maps of this run left to right",
       (1 - right.mean) * static_cast<double>(right.maps), right.maps);
@@ -146,28 +145,28 @@ std::string notes(const Evaluation& e) {
   for (const std::string& remark : {e.antennas, e.response, e.ranges, to_text(e.two_people)})
     if (!remark.empty()) out += remark + '\n';
   for (const auto& [note, records] : e.fallbacks)
-    out += formatted("%zu records: %s\n", records, note.c_str());
+    out += format("%zu records: %s\n", records, note.c_str());
   if (e.left_out > 0) {
-    out += formatted("%zu records with a depth map left out: ", e.left_out);
+    out += format("%zu records with a depth map left out: ", e.left_out);
     for (std::string separator; const auto& [why, count] : e.faults)
-      out += separator + formatted("%s %zu", why.c_str(), count), separator = ", ";
+      out += separator + format("%s %zu", why.c_str(), count), separator = ", ";
     out += '\n';
   }
-  if (e.twice > 0) out += formatted("records left out: %s %zu\n", twice_in_run, e.twice);
+  if (e.twice > 0) out += format("records left out: %s %zu\n", twice_in_run, e.twice);
   if (e.trained_on > 0)
-    out += formatted("%zu of %zu records are copies of training records%s\n", e.trained_on, e.of,
-                     e.records + e.trained_on <= e.of ? " and are left out" : " and are scored");
+    out += format("%zu of %zu records are copies of training records%s\n", e.trained_on, e.of,
+                  e.records + e.trained_on <= e.of ? " and are left out" : " and are scored");
   if (e.doubtful.empty()) return out;
   std::string reasons;
   for (const auto& [reason, records] : e.doubtful)
-    reasons += formatted("%s%s %zu", reasons.empty() ? "" : ", ", reason.c_str(), records);
+    reasons += format("%s%s %zu", reasons.empty() ? "" : ", ", reason.c_str(), records);
   std::string differ;
   for (const auto& [m, name] : {std::pair{metric_iou, "IoU"}, {metric_lateral_m, "lateral_m"}})
     if (const std::string with = formatted(e.with_doubtful[m], " +-"),
         own = formatted(e.metrics[m], " +-");
         with != own)
-      differ += formatted("%s %s %s instead of %s", differ.empty() ? "; including them:" : ",",
-                          name, with.c_str(), own.c_str());
+      differ += format("%s %s %s instead of %s", differ.empty() ? "; including them:" : ",", name,
+                       with.c_str(), own.c_str());
   out += "doubtful records left out: " + reasons + differ + '\n';
   return out;
 }
@@ -175,15 +174,15 @@ std::string notes(const Evaluation& e) {
 std::string to_text(const Evaluation& e) {
   std::vector<ScoredRow> rows = {{e.model + " " + name_of(e.inputs), e.metrics}};
   rows.insert(rows.end(), e.baselines.begin(), e.baselines.end());
-  return formatted("%zu records; mean +- standard error over maps\n", e.records) + notes(e) +
+  return format("%zu records; mean +- standard error over maps\n", e.records) + notes(e) +
          to_table(rows) +
-         formatted(
+         format(
              "%zu multiply-adds per map, %zu parameters, %.0f us per map (median; p99 %.0f) on one "
              "thread\n",
              e.cost.cost.multiply_adds, e.cost.cost.parameters, e.cost.infer_us_median,
              e.cost.infer_us_p99) +
-         formatted("trained in %.1f s, model file %.1f MB\n", e.cost.train_s,
-                   static_cast<double>(e.cost.model_bytes) / 1e6) +
+         format("trained in %.1f s, model file %.1f MB\n", e.cost.train_s,
+                static_cast<double>(e.cost.model_bytes) / 1e6) +
          to_text(e.calibration);
 }
 

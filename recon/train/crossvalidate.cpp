@@ -6,7 +6,7 @@
 
 #include "drivers/util/console.hpp"
 #include "drivers/util/exit_code.hpp"
-#include "recon/numbers/text.hpp"
+#include "drivers/util/format.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -116,18 +116,18 @@ std::size_t cheapest_within_one_se(const std::vector<CrossvalidatedRow>& rows) {
 }
 
 std::string to_choice_table(const std::vector<CrossvalidatedRow>& rows, std::size_t chosen) {
-  std::string out = formatted("%-18s %15s %8s %8s %9s %8s %12s %8s\n", "model", "IoU", "SSIM_fg",
-                              "SSIM", "lateral m", "RMSE m", "multiply-adds", "train s");
+  std::string out = format("%-18s %15s %8s %8s %9s %8s %12s %8s\n", "model", "IoU", "SSIM_fg",
+                           "SSIM", "lateral m", "RMSE m", "multiply-adds", "train s");
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const auto mean = [&](Metric metric) {
       return formatted(Summary{rows[i].metrics[metric].mean, std::nan(""), 0}, "");
     };
-    out += formatted("%-18s %15s %8s %8s %9s %8s %12zu %8.1f %s\n", rows[i].name.c_str(),
-                     formatted(rows[i].metrics[metric_iou], " +-").c_str(),
-                     mean(metric_ssim_fg).c_str(), mean(metric_ssim).c_str(),
-                     mean(metric_lateral_m).c_str(), mean(metric_rmse_m).c_str(),
-                     rows[i].cost.multiply_adds, rows[i].train_s,
-                     i == chosen ? " <- chosen" : rows[i].fault.c_str());
+    out +=
+        format("%-18s %15s %8s %8s %9s %8s %12zu %8.1f %s\n", rows[i].name.c_str(),
+               formatted(rows[i].metrics[metric_iou], " +-").c_str(), mean(metric_ssim_fg).c_str(),
+               mean(metric_ssim).c_str(), mean(metric_lateral_m).c_str(),
+               mean(metric_rmse_m).c_str(), rows[i].cost.multiply_adds, rows[i].train_s,
+               i == chosen ? " <- chosen" : rows[i].fault.c_str());
   }
   return out;
 }

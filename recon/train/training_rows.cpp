@@ -5,9 +5,9 @@
 #include <map>
 #include <numeric>
 
+#include "drivers/util/format.hpp"
 #include "drivers/util/printable.hpp"
 #include "recon/numbers/parallel.hpp"
-#include "recon/numbers/text.hpp"
 #include "recon/train/train.hpp"
 
 namespace echofuse::recon {
@@ -35,7 +35,7 @@ void require_sensors(const Dataset& data, Inputs inputs) {
     for (std::size_t row = 0; row < data.size(); ++row) found |= data.has(row, sensor);
     if (!found)
       throw Error(ExitCode::failed,
-                  formatted("%s: no record has %s; %s", path_of(data).c_str(), name, cure));
+                  format("%s: no record has %s; %s", path_of(data).c_str(), name, cure));
   }
 }
 
@@ -66,17 +66,17 @@ TrainingRows rows_to_train(const Dataset& data, Inputs inputs) {
     doubtful |= why == data.doubt_of(row, inputs);
     if (why == dead_record && first_fault.empty())
       first_fault =
-          formatted("%s: record %lld: %s", path_of(data, row).c_str(),
-                    static_cast<long long>(data.index[row]), data.fault_of(row, inputs).c_str());
+          format("%s: record %lld: %s", path_of(data, row).c_str(),
+                 static_cast<long long>(data.index[row]), data.fault_of(row, inputs).c_str());
   }
   const std::size_t all = data.size() + data.damaged.size();
   const std::size_t none = reasons[dead_record] + data.damaged.size();
   if (static_cast<double>(none) > most_damaged * static_cast<double>(all))
     throw Error(
         ExitCode::failed,
-        first_fault + formatted("; the sensor is dead, or the room is empty and dark; %zu of %zu "
-                                "records are dead or damaged (limit 10 %%)",
-                                none, all));
+        first_fault + format("; the sensor is dead, or the room is empty and dark; %zu of %zu "
+                             "records are dead or damaged (limit 10 %%)",
+                             none, all));
   reasons["damaged"] = data.damaged.size();
   out.left_out = left_out_text(reasons, all);
   if (!out.left_out.empty())
@@ -85,8 +85,8 @@ TrainingRows rows_to_train(const Dataset& data, Inputs inputs) {
   const auto lossy =
       std::ranges::count_if(out.rows, [&](std::size_t row) { return data.is_lossy(row, inputs); });
   if (lossy > 0)
-    out.left_out += formatted("%s%td lossy records are used; --set lossy=leave excludes them",
-                              out.left_out.empty() ? "" : "; ", lossy);
+    out.left_out += format("%s%td lossy records are used; --set lossy=leave excludes them",
+                           out.left_out.empty() ? "" : "; ", lossy);
   if (out.rows.empty()) throw Error(ExitCode::failed, path_of(data) + ": " + out.left_out);
   return out;
 }
@@ -157,7 +157,7 @@ std::string alike_neighbours(const Dataset& data, const Rows& rows) {
     alike += nearest;
   }
   if (static_cast<double>(alike) <= most_share * static_cast<double>(judged)) return {};
-  return formatted(
+  return format(
       "consecutive records are alike: for %zu of %zu records, the depth map of an adjacent record "
       "is more similar than those of %zu distant records; a random split gives optimistic scores; "
       "use --split blocked",
@@ -182,7 +182,7 @@ std::string recurring_scenes(const Dataset& data, const Split& split, const Scen
   });
   const auto recur = std::ranges::count_if(gaps, [](double gap) { return gap > least_gap; });
   if (static_cast<double>(recur) <= most_share * static_cast<double>(judged.size())) return {};
-  return formatted(
+  return format(
       "scenes recur: %td of %zu held-out depth maps are much closer to a training map than maps of "
       "independent scenes are; the scores are optimistic; evaluate on a run of other scenes",
       recur, judged.size());

@@ -9,9 +9,9 @@
 #include <tuple>
 
 #include "drivers/util/console.hpp"
+#include "drivers/util/format.hpp"
 #include "drivers/util/printable.hpp"
 #include "recon/data/response_conversion.hpp"
-#include "recon/numbers/text.hpp"
 #include "recon/train/choice.hpp"
 #include "recon/train/fit_uncertainty.hpp"
 
@@ -133,7 +133,7 @@ void try_all(Choice& choice, const Start& start, const Split& split, const TuneO
   for (const double l2_penalty : penalties) {
     if (!many && aligned && l2_penalty < least_penalty_of_few) continue;
     tuning.l2_penalty = l2_penalty;
-    add(formatted("fine-tuned, L2 penalty %g over N", l2_penalty),
+    add(format("fine-tuned, L2 penalty %g over N", l2_penalty),
         [&, tuning, room](const Rows& rows) { return adapt(from, data, rows, room, tuning); });
   }
   if (many && with_alone)
@@ -216,7 +216,7 @@ std::string compared(const Choice& choice, const std::string& best, const std::s
                      std::size_t first, std::size_t last) {
   constexpr double clear_errors = 2;
   const auto [gain, error] = choice.gain_over(first, last);
-  return formatted(
+  return format(
       "gain of start model %s over %s on the same folds: %+.3f +- %.3f (IoU - 2.4 x lateral error "
       "in "
       "m)%s\n",
@@ -309,13 +309,13 @@ TunedModel tune(const std::vector<Start>& starts, const TuneOptions& options) {
 }
 
 std::string to_text(const TunedModel& tuned) {
-  std::string out = formatted("%-44s %15s %15s %8s\n", "model", "IoU", "lateral m", "train s");
+  std::string out = format("%-44s %15s %15s %8s\n", "model", "IoU", "lateral m", "train s");
   for (std::size_t i = 0; i < tuned.table.size(); ++i) {
     const auto& m = tuned.table[i].metrics;
-    out += formatted("%-44s %15s %15s %8.2f%s\n", tuned.table[i].name.c_str(),
-                     formatted(m[metric_iou], " +-").c_str(),
-                     formatted(m[metric_lateral_m], " +-").c_str(), tuned.table[i].train_s,
-                     i == tuned.chosen ? "  <- chosen" : "");
+    out += format("%-44s %15s %15s %8.2f%s\n", tuned.table[i].name.c_str(),
+                  formatted(m[metric_iou], " +-").c_str(),
+                  formatted(m[metric_lateral_m], " +-").c_str(), tuned.table[i].train_s,
+                  i == tuned.chosen ? "  <- chosen" : "");
   }
   return out + tuned.starts;
 }

@@ -8,8 +8,8 @@
 #include <random>
 
 #include "drivers/core/random.hpp"
+#include "drivers/util/format.hpp"
 #include "recon/numbers/statistics.hpp"
-#include "recon/numbers/text.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -123,15 +123,15 @@ ArrayXd standard_errors(const MatrixXd& a, const MatrixXd& b, double least_error
 
 std::string describe(const RecordNumber& number, double difference, double error) {
   if (number.kind == RecordNumber::Kind::ratio)
-    return formatted("%s %.2f +- %.2f times that in training", number.name, std::exp(difference),
-                     error * std::exp(difference));
+    return format("%s %.2f +- %.2f times that in training", number.name, std::exp(difference),
+                  error * std::exp(difference));
   if (number.kind == RecordNumber::Kind::length)
-    return formatted("%s %+.1f +- %.1f cm", number.name, 100 * difference, 100 * error);
-  return formatted("%s %+.2f +- %.2f", number.name, difference, error);
+    return format("%s %+.1f +- %.1f cm", number.name, 100 * difference, 100 * error);
+  return format("%s %+.2f +- %.2f", number.name, difference, error);
 }
 
 std::string range_advice(double difference_m, double error_m) {
-  return formatted(
+  return format(
       "radar ranges are %.1f +- %.1f cm too %s, or people are farther to the %s or reflect "
       "differently than in training; if the radar is the cause, use --range-offset %.3f and "
       "calibrate",
@@ -147,12 +147,12 @@ bool DomainShift::mostly_flagged() const {
 
 std::string DomainShift::text() const {
   if (!tested()) return {};
-  const std::string p_text = p < most_p ? formatted("p < %g", most_p) : formatted("p = %.3f", p);
+  const std::string p_text = p < most_p ? format("p < %g", most_p) : format("p = %.3f", p);
   if (!found())
     return std::string("this run matches the training data") +
            (p < most_p ? " (significant differences are too small to matter): " : ": ") + p_text;
   if (p >= most_p || differences.empty())
-    return formatted(
+    return format(
         "this run differs from the training data: %zu of %zu records are unusual (most: %s)",
         flagged, judged, reason.c_str());
   std::string all;
@@ -206,7 +206,7 @@ DomainShift DomainReference::test(const Alignment& alignment, const Dataset& dat
         out.advice = range_advice(off, off_error);
     } else if (squares > clearly && std::abs(difference[square]) > least_square) {
       out.differences.push_back(
-          {formatted("%s scatters %s", number.name, difference[square] > 0 ? "more" : "less"),
+          {format("%s scatters %s", number.name, difference[square] > 0 ? "more" : "less"),
            squares});
     }
   }

@@ -8,11 +8,11 @@
 #include <random>
 
 #include "drivers/core/random.hpp"
+#include "drivers/util/format.hpp"
 #include "recon/data/response_conversion.hpp"
 #include "recon/data/split.hpp"
 #include "recon/method/method.hpp"
 #include "recon/numbers/statistics.hpp"
-#include "recon/numbers/text.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -271,10 +271,9 @@ std::vector<OutOfDistributionScore> OutOfDistributionDetector::score(const Matri
       s.reason = "empty";
     else if (has_spd && clicks > record::most_clicks_per_pulse &&
              clicks > clicks_reserve * most_clicks_per_start_)
-      s.reason = "saturated", s.details = formatted("%.2f clicks per laser pulse", clicks);
+      s.reason = "saturated", s.details = format("%.2f clicks per laser pulse", clicks);
     else if (has_range && (range_m < nearest_m_ || range_m > farthest_m_))
-      s.reason = "outside the training records' distances",
-      s.details = formatted("%.2f m", range_m);
+      s.reason = "outside the training records' distances", s.details = format("%.2f m", range_m);
     else if (s.two_bodies > 1 && s.two_bodies > s.distance)
       s.reason = "two bodies, or one unlike the training records'";
     else if (s.distance > 1)
