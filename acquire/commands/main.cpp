@@ -23,6 +23,7 @@
 #include "acquire/devices/ask.hpp"
 #include "acquire/doctor/doctor.hpp"
 #include "acquire/import/import.hpp"
+#include "acquire/measurement/response.hpp"
 #include "acquire/record/run_file.hpp"
 #include "acquire/record/run_names.hpp"
 #include "acquire/run/viewer.hpp"
@@ -69,10 +70,11 @@ Config load(const Options& o) {
 bool is_reserved_meta(const std::string& key) {
   constexpr std::string_view reserved =
       " uuid started_utc ended_utc status window_s host config_text config_resolved radar_cfg "
-      "version notes operator meta radar_baseline_m radar_mount_tolerance_m detector_dead_time_ps "
-      "wal_key schema "
+      "version notes operator meta detector_dead_time_ps wal_key schema "
       "Conventions CLASS NAME REFERENCE_LIST DIMENSION_LIST ";
+  const auto is_key = [&](const auto& entry) { return entry.first == key; };
   return key.starts_with('_') || key.ends_with("_offset_m") ||
+         std::ranges::any_of(record::RadarMounting{}.meta(), is_key) ||
          reserved.find(' ' + key + ' ') != reserved.npos;
 }
 
