@@ -149,12 +149,12 @@ void print_evaluations(const std::vector<Evaluation>& all, const std::vector<Met
   print(printable_lines(text + paired_text(scored)));
 }
 
-// Throws Error(failed) if the scored run is also a training run, unless the folders state which
-// records were used for training.
+// Throws Error(failed) if the scored run is also a training run, unless each folder states which
+// records were used for training. These records are not scored.
 void refuse_training_run(const Dataset& scored, const Dataset& trained_on,
                          const std::vector<WrittenMaps>& folders) {
-  if (std::ranges::any_of(folders, [](const auto& maps) { return !maps.trained_on.empty(); }))
-    return;
+  const auto states_records = [](const WrittenMaps& maps) { return !maps.trained_on.empty(); };
+  if (!folders.empty() && std::ranges::all_of(folders, states_records)) return;
   const Source& run = scored.sources.front();
   if (std::ranges::find(trained_on.sources, run.uuid, &Source::uuid) != trained_on.sources.end())
     throw Error(ExitCode::failed, printable(run.path) + ": is a training run; score another run");

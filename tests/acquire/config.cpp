@@ -48,6 +48,15 @@ TEST_CASE(
   fs::permissions(folder / "alert", fs::perms::owner_all);
   CHECK(load_config(path).unfinished.empty());
   CHECK(load_config(path, {"alert.on_doubt=[\"sh\"]"}).unfinished.empty());
+
+  // A name without a folder is searched in the folder of the configuration before PATH.
+  const auto program = [&](const std::string& name) {
+    return load_config(path, {"alert.on_doubt=[\"" + name + "\"]"}).on_doubt[0];
+  };
+  CHECK(program("sh") == "sh");
+  CHECK(program("alert") == folder / "alert");
+  write_file(folder / "sh", "#!/bin/sh\n");
+  CHECK(program("sh") == folder / "sh");
 }
 
 TEST_CASE("a configuration that is printed with all values is unchanged when it is loaded again") {

@@ -35,6 +35,10 @@ def test_plot_of_a_record_has_one_panel_for_each_sensor_and_each_colour_bar(fold
 
 def test_timeline_map_and_learning_curve_can_be_plotted(folder):
     assert b"<svg" in written(plot.timeline(folder / "test.sqlite"), folder / "run.svg")
+    run = echofuse.open(folder / "test.sqlite")
+    echofuse.write_run(folder / "no_radar", spd=run.spd, depth_m=run.maps())
+    sensors = [axes.get_ylabel().split()[0] for axes in plot.timeline(folder / "no_radar.sqlite").axes]
+    assert sensors == ["SPD", "camera", "residual"]
     maps = echofuse.load_model(folder / "mlp.safetensors").predict(folder / "test.sqlite")
     figure = plot.map(maps.depth_m[0], maps.half_tangent, title="a map")
     figure.savefig(folder / "map.svg")
@@ -74,6 +78,11 @@ def test_pareto_chart_gives_each_model_its_own_colour(folder):
     assert len({container.lines[0].get_color() for container in figure.axes[0].containers}) == 8
     ticks = [label.get_text() for label in figure.axes[1].get_xticklabels() if label.get_text()]
     assert "40 000" in ticks and not any("$" in tick for tick in ticks)
+    assert not figure.axes[0].texts or not any("not shown" in text.get_text() for text in figure.axes[0].texts)
+    failed = "".join(f"model,1,{name},fused,m,1,{iou},nan,40000,8\n" for name, iou in (("wrong", "0.002"), ("broken", "nan")))
+    (folder / "failed.csv").write_text(head + "".join(rows) + failed)
+    texts = [text.get_text() for text in plot.pareto(folder / "failed.csv", bound_m=0.014).axes[0].texts]
+    assert "not shown (IoU below 0.01): wrong, broken" in texts
 
 
 def test_stability_chart_marks_points_below_the_best_baseline(folder):
@@ -84,8 +93,16 @@ def test_stability_chart_marks_points_below_the_best_baseline(folder):
     (folder / "stability.csv").write_text(head + "".join(rows))
     ax = plot.stability(folder / "stability.csv", "shifted-x", base="0").axes[0]
     assert [label.get_text() for label in ax.get_xticklabels()] == ["0", "0.1", "0.2"]
+    assert ax.get_xlabel() == "shifted-x"
     crosses = [line for line in ax.lines if line.get_marker() == "x"]
     assert len(crosses) == 1 and crosses[0].get_xdata().tolist() == [2]
+
+
+def test_stability_chart_states_that_its_steps_are_not_to_scale(folder):
+    rows = [f"shifted-x,{value},factorised,fused,-,1,0.5\n" for value in ("0.1", "0.2", "0.8")]
+    (folder / "steps.csv").write_text("# study stability\naxis,value,model,inputs,machine,seed,iou\n" + "".join(rows))
+    ax = plot.stability(folder / "steps.csv", "shifted-x", base="0").axes[0]
+    assert ax.get_xlabel() == "shifted-x (steps are not to scale)"
 
 
 def test_stability_chart_draws_bars_for_conditions_that_are_not_numbers(folder):

@@ -127,11 +127,21 @@ TEST_CASE("the status of a predicted map names the doubtful input sensors") {
   CHECK(
       recon_program("-q evaluate --maps " + (dir / "o") + " " + (dir / "fresh") + " --train " + run)
           .code == 0);
+
+  // Only maps that state their training records may be scored on a training run.
+  std::filesystem::copy(dir / "o", dir / "stated");
+  std::ofstream(dir / "stated/run.txt", std::ios::app) << "trained on records 0,1\n";
   std::filesystem::remove(dir / "o/run.txt");
-  const Outcome same = recon_program("-q evaluate --maps " + (dir / "o") + " " + (dir / "fresh") +
-                                     " --train " + (dir / "fresh"));
-  CHECK(same.code == 1);
-  CHECK_THAT(same.text, Catch::Contains("is a training run; score another run"));
+  const auto on_itself = [&](const std::string& folders) {
+    return recon_program("-q evaluate" + folders + " " + (dir / "fresh") + " --train " +
+                         (dir / "fresh"));
+  };
+  const std::string unstated = " --maps " + (dir / "o"), stated = " --maps " + (dir / "stated");
+  CHECK(on_itself(stated).code == 0);
+  for (const Outcome& refused : {on_itself(unstated), on_itself(stated + unstated)}) {
+    CHECK(refused.code == 1);
+    CHECK_THAT(refused.text, Catch::Contains("is a training run; score another run"));
+  }
 }
 
 TEST_CASE("written maps get the same scores as their model, and invalid map files are refused") {
