@@ -13,12 +13,14 @@ namespace echofuse::sim {
 namespace {
 
 // Moves all radar patches of the reflector plate to its centre, because a corner reflector returns
-// echoes from its apex at any orientation.
+// echoes from its apex at any orientation. The power is multiplied by the square of the distance,
+// as if larger corner reflectors were used at larger distances.
 void gather_reflector(Vec3 centre, const Conditions& c, Returns& returns) {
   const double x = centre.x - radar_x_m(c), range = std::hypot(x, centre.y, centre.z);
   for (std::size_t k = 0; k < returns.place.size(); ++k) {
     if (returns.place[k].person != Returns::reflector) continue;
     returns.range_m[k] = range + c.radar_bias_m;
+    returns.weight[k] *= c.reflector_z_m * c.reflector_z_m;
     returns.place[k].x = static_cast<float>(x / range);
     returns.place[k].y = static_cast<float>(centre.y / range);
   }

@@ -22,10 +22,11 @@ void bind_scene(Settings& s, Conditions& c) {
   s.add("baseline_m", c.baseline_m, 0, 10,
         "distance of the radar from the detector, m; the radar is at x = -baseline_m");
   s.add("reflector_before", c.reflector_before,
-        "position of the calibration reflector at z = 1 m: in front of the detector (detector), in "
-        "front of each sensor (each), or baseline_m to the left or right of the detector (left, "
-        "right)",
+        "position of the calibration reflector: in front of the detector (detector), in front of "
+        "each sensor (each), or baseline_m to the left or right of the detector (left, right)",
         {"detector", "each", "left", "right"});
+  s.add("reflector_z_m", c.reflector_z_m, 0.3, 10,
+        "distance of the calibration reflector from the plane of the sensors, m");
   s.add("half_tangent", c.half_tangent, 0.05, 1,
         "tangent of half the field of view of the detector and of the depth camera");
   s.add("camera_height_m", c.camera_height_m, 0, 3, "height of the sensors above the floor, m");

@@ -23,6 +23,7 @@ struct Conditions {
   double person_yaw_deg = 60, letter_yaw_deg = 30;
   std::string background = "none";
   std::string reflector_before = "detector";
+  double reflector_z_m = 1;
   std::int64_t multipath_order = 0;
   std::string object, object_up = "y";
   double object_scale = 1;
@@ -84,7 +85,6 @@ struct Conditions {
   double depth_noise_m = 0, depth_dropout = 0, depth_offset_m = 0;
 };
 
-inline constexpr double reflector_m = 1;  // z of the calibration reflector, m
 // Tangent of half the radar's field of view, which corresponds to a beam of +-50 degrees.
 inline constexpr double radar_half_tangent = 1.2;
 inline constexpr double radar_carrier_hz = 60.25e9;

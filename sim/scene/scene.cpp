@@ -126,14 +126,14 @@ Scene make_scene(const Conditions& c, const SceneSpec& spec, std::uint64_t seed,
       scene.label = "empty";
       break;
     case SceneKind::reflector: {
-      // The plate is so small that its edges are at most 0.02 mm farther away than its centre at 1
-      // m. Its signal at 1 m equals that of the mean scene.
-      const double half = 0.006 * reflector_m;
+      // The plate is so small that its edges are at most 0.02 mm farther away per metre than its
+      // centre. Its signal at 1 m equals that of the mean scene.
+      const double z_m = c.reflector_z_m, half = 0.006 * z_m;
       const double x_m = c.reflector_before == "right"  ? c.baseline_m
                          : c.reflector_before == "left" ? -c.baseline_m
                                                         : 0;
       scene.plates.push_back(
-          {{x_m, 0, reflector_m}, {1, 0, 0}, {0, 1, 0}, {{-half, 0, half, 0, 2 * half}}, 11});
+          {{x_m, 0, z_m}, {1, 0, 0}, {0, 1, 0}, {{-half, 0, half, 0, 2 * half}}, 11});
       scene.room = nullptr;
       scene.label = "reflector";
       break;

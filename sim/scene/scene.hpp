@@ -50,8 +50,9 @@ struct Scene {
   std::string label;           // for example person, letter:A, two_people, empty, object:chair
 };
 
-// A reflector is a small plate at z = reflector_m, in front of the SPD or to the left or right of
-// it (Conditions::reflector_before). An object is the mesh Conditions::object on the floor.
+// A reflector is a small plate at z = Conditions::reflector_z_m, in front of the SPD or to the left
+// or right of it (Conditions::reflector_before). An object is the mesh Conditions::object on the
+// floor.
 enum class SceneKind : std::uint8_t { person, letter, two_people, empty, reflector, object };
 std::optional<SceneKind> kind_named(std::string_view name);
 std::string kind_names();  // Returns the names of all kinds, separated by commas.

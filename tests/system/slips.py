@@ -36,7 +36,7 @@ acquire info nofile | 1 | nofile
 sim dataset --otu x | 2 | --otu: no such option; the most similar name is --out
 sim dataset --records 1e30 --out x | 2 | --records: Value 1e30 not in range 0 to 10000000
 sim dataset --out x --set spd_bins=3 | 3 | unknown key; the most similar known name is "bins"
-sim dataset --out x --set reflector=3 | 3 | unknown key; the most similar known name is "reflector_before"
+sim dataset --out x --set reflector=3 | 3 | unknown key; the most similar known name is "reflector_z_m"
 sim lab --bogus -- ls --foo | 2 | --bogus: no such option; --help lists them
 sim dataset --out x --like nofile | 3 | nofile
 view --modle m x | 2 | --modle: no such option; the most similar name is --model
