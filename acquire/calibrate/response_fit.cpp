@@ -385,6 +385,18 @@ VectorXd shape_errors(const Fitted& fit, const VectorXd& shape) {
   return (slope * fit.covariance * slope.transpose()).diagonal().cwiseMax(0).cwiseSqrt();
 }
 
+// Returns whether the transmitter leakage, which appears at range zero, overlaps the echo
+// at `range_m`: the echo is nearer than two half widths of the main lobe of a Blackman window, and
+// a bin outside its own main lobe has more than twice the median power.
+bool leakage_overlaps(const Profile& profile, const EchoAxis& axis, double range_m) {
+  constexpr double lobe_cells = 3, log2_twice = 1;
+  if (range_m >= 2 * lobe_cells * axis.resolution_m) return false;
+  const double free_m = range_m - lobe_cells * axis.resolution_m;
+  const auto bins = static_cast<std::ptrdiff_t>((free_m - axis.start_m) / axis.step_m) + 1;
+  return bins < 1 || *std::max_element(profile.mean.begin(), profile.mean.begin() + bins) >
+                         profile.floor + log2_twice;
+}
+
 }  // namespace
 
 WindowFit fit_radar_response(const Profiles& frames, const EchoAxis& axis, double range_m,
@@ -392,9 +404,12 @@ WindowFit fit_radar_response(const Profiles& frames, const EchoAxis& axis, doubl
   constexpr std::size_t least_frames = 8;
   constexpr const char* advice =
       "remove other objects and place the reflector farther away (e.g. at 3 m for range cells of "
-      "50 cm)";
+      "50 cm), or use a cfg with shorter range cells";
   if (frames.size() < least_frames) return {{}, "fewer than 8 frames received"};
-  EchoFit echo(profile_of(frames), axis, frames.size(), range_m);
+  const Profile profile = profile_of(frames);
+  if (leakage_overlaps(profile, axis, range_m))
+    return {{}, std::string("transmitter leakage overlaps the reflector's echo; ") + advice};
+  EchoFit echo(profile, axis, frames.size(), range_m);
   if (!echo.enough())
     return {{}, std::string("another echo overlaps the reflector's echo; ") + advice};
   echo.fit();

@@ -165,8 +165,7 @@ TEST_CASE("the fit of the detector response recovers width and tail within their
 
 TEST_CASE("the response fit finds the radar's range response for any window function") {
   Rng rng = make_rng(2, 1);
-  // At a resolution of 27 cm, the transmitter leakage overlaps the lobe of the reflector.
-  for (const Place& place : {fine, Place{0.25, 0.27, 1.01}, Place{0.25, 0.27, 3}})
+  for (const Place& place : {fine, Place{0.25, 0.27, 1.76}, Place{0.25, 0.27, 3}})
     for (const auto& [noise_db, adds] : {std::pair{-35., false}, {-20., false}, {-16., true}})
       for (const NamedWindow& window : windows) {
         CAPTURE(place.range_m, noise_db, window.name);
@@ -185,6 +184,20 @@ TEST_CASE("the response fit finds the radar's range response for any window func
           CHECK(std::abs(found.radar.taps[k] - tap) < 4 * found.taps_standard_error);
         }
       }
+}
+
+TEST_CASE("the response fit refuses an echo that the transmitter leakage overlaps") {
+  Rng rng = make_rng(3, 1);
+  for (const double range_m : {0.5, 1.01, 1.5})
+    for (const NamedWindow& window : windows) {
+      const Place place{0.25, 0.27, range_m};
+      record::Response found;
+      const WindowFit fit =
+          fit_radar_response(frames(window, place, -20, rng), place.axis(), range_m, found);
+      CAPTURE(range_m, window.name);
+      CHECK_THAT(fit.refusal, Catch::StartsWith("transmitter leakage overlaps"));
+      CHECK(found == record::Response{});
+    }
 }
 
 TEST_CASE("radar echoes are fitted with the measured window function") {

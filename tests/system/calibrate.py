@@ -181,19 +181,19 @@ class Calibrate(unittest.TestCase):
         self.assertGreater(json.loads(done.stdout)["metrics"]["iou"]["mean"], .4, done.stdout)
 
     def test_calibrate_measures_the_radar_response(self):
-        """At 3 m, `calibrate` measures the response of a radar with a resolution of 50 cm and a Hann window. At a
-        shorter range, the response is not measured, and the output gives the reason."""
+        """At 3 m, `calibrate` measures the response of a radar with a resolution of 50 cm and a Hann window. At 1 m,
+        transmitter leakage overlaps the echo: the response is not measured, and the output gives the reason."""
         hann = " ".join(str(((1, .25)[int(u)] if u in (0, 1) else (math.sin(math.pi * u) / (math.pi * u * (1 - u * u))) ** 2))
                         for u in (k / 4 for k in range(24)))
-        for farther_m in 2, -.4:
-            delay_ps = farther_m * 2e12 / 299792458
-            sets = ["reflector_before=each", f"radar_bias_m={farther_m}", "radar_leakage=1", f"radar_taps={hann}", f"spd_delay_ps={delay_ps}"]
-            done = self.lab("calibrate", "--config", self.dir / "lab/lab.toml", "--json", "--repeat", "4", "--distance", str(1 + farther_m),
-                            "--window", "0.6", "--reflector", "each", "--set", f"run.calibration={self.dir / 'windows.toml'}",
+        for distance_m, leakage in (3, 1), (3, 10), (1, .1), (1, 1), (1, 10):
+            sets = [f"reflector_z_m={distance_m}", f"radar_leakage={leakage}", f"radar_taps={hann}"]
+            done = self.lab("calibrate", "--config", self.dir / "lab/lab.toml", "--json", "--repeat", "4", "--distance", str(distance_m),
+                            "--window", "0.6", "--set", f"run.calibration={self.dir / 'windows.toml'}",
                             cfg=config / "xwr68xx_paper_50cm.cfg", sets=[word for one in sets for word in ("--set", one)])
             said = json.loads(done.stdout.splitlines()[-1])
-            self.assertEqual(farther_m > 0, "radar_taps" in said["response"], said)
-            if farther_m < 0:
+            self.assertEqual(distance_m == 3, "radar_taps" in said["response"], said)
+            if distance_m == 1:
+                self.assertIn("transmitter leakage", said["unstated"]["radar_taps"])
                 self.assertIn("at 3 m for range cells of 50 cm", said["unstated"]["radar_taps"])
                 continue
             taps, _, error = said["response"]["radar_taps"].partition(" +- ")
