@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include "drivers/make_driver.hpp"
 
-#include <cstring>
 #include <type_traits>
+#include <variant>
 
 #include "drivers/depth/bridge_camera.hpp"
 #include "drivers/depth/openni_camera.hpp"
@@ -46,7 +46,7 @@ std::unique_ptr<Driver> bridge(port::Loop& loop, const Config& config, port::Raw
 
 std::unique_ptr<Driver> openni(port::Loop& loop, const DepthConfig& config, port::RawKeeper* raw) {
   return std::make_unique<depth::OpenNiCamera>(
-      loop, config.address, config.address.substr(std::strlen("openni:")),
+      loop, config.address, std::get<port::OpenNiAddress>(port::parse_address(config.address)).uri,
       depth::OpenNiOptions{.width = config.width, .height = config.height, .fps = config.fps}, raw);
 }
 
@@ -75,16 +75,22 @@ const auto& kind_of(const Kinds& kinds, const std::string& address, const std::s
   refuse(address, "expected the address of a " + device + ": " + known + advice);
 }
 
-}  // namespace
-
-void check_tdc(const std::string& address) { kind_of(taggers, address, "time tagger"); }
-
-void check_radar(const std::string& address) {
-  kind_of(radars, address, "radar",
-          "; for a radar without a bridge set radar.cli and radar.data instead");
+const auto& tagger_of(const std::string& address) {
+  return kind_of(taggers, address, "time tagger");
+}
+const auto& radar_of(const std::string& address) {
+  return kind_of(radars, address, "radar",
+                 "; for a radar without a bridge set radar.cli and radar.data instead");
+}
+const auto& camera_of(const std::string& address) {
+  return kind_of(cameras, address, "depth camera");
 }
 
-void check_depth(const std::string& address) { kind_of(cameras, address, "depth camera"); }
+}  // namespace
+
+void check_tdc(const std::string& address) { tagger_of(address); }
+void check_radar(const std::string& address) { radar_of(address); }
+void check_depth(const std::string& address) { camera_of(address); }
 
 void check_radar_port(const std::string& address, std::uint32_t baud) {
   const port::Address parsed = port::parse_address(address);
@@ -94,12 +100,12 @@ void check_radar_port(const std::string& address, std::uint32_t baud) {
 }
 
 std::unique_ptr<Driver> make_tdc(port::Loop& loop, const TdcConfig& config, port::RawKeeper* raw) {
-  return kind_of(taggers, config.address, "time tagger").make(loop, config, raw);
+  return tagger_of(config.address).make(loop, config, raw);
 }
 
 std::unique_ptr<Driver> make_depth(port::Loop& loop, const DepthConfig& config,
                                    port::RawKeeper* raw) {
-  return kind_of(cameras, config.address, "depth camera").make(loop, config, raw);
+  return camera_of(config.address).make(loop, config, raw);
 }
 
 namespace {
@@ -139,10 +145,7 @@ void refuse_two_boards(const RadarConfig& config) {
 
 std::unique_ptr<Driver> make_radar(port::Loop& loop, const RadarConfig& config,
                                    port::RawKeeper* raw) {
-  if (!config.address.empty()) {
-    check_radar(config.address);
-    return radars[0].make(loop, config, raw);
-  }
+  if (!config.address.empty()) return radar_of(config.address).make(loop, config, raw);
   check_radar_port(config.cli, config.cli_baud);
   check_radar_port(config.data, config.data_baud);
   refuse_two_boards(config);
