@@ -385,9 +385,9 @@ VectorXd shape_errors(const Fitted& fit, const VectorXd& shape) {
   return (slope * fit.covariance * slope.transpose()).diagonal().cwiseMax(0).cwiseSqrt();
 }
 
-// Returns whether the transmitter leakage, which appears at range zero, overlaps the echo
-// at `range_m`: the echo is nearer than two half widths of the main lobe of a Blackman window, and
-// a bin outside its own main lobe has more than twice the median power.
+// Returns whether the transmitter leakage, which appears at range zero, overlaps the echo at
+// `range_m`: the echo is nearer than two half widths of the main lobe of a Blackman window, and a
+// nearer bin outside its own main lobe has more than twice the median power.
 bool leakage_overlaps(const Profile& profile, const EchoAxis& axis, double range_m) {
   constexpr double lobe_cells = 3, log2_twice = 1;
   if (range_m >= 2 * lobe_cells * axis.resolution_m) return false;

@@ -36,13 +36,12 @@ struct WindowFit {
 // Proc. IEEE 66, 1978) to the powers around the peak, by least squares. The terms a, b, ... are the
 // amplitudes at whole cells. Up to six terms are used; each further term must reduce chi2 by more
 // than 9. A cubic phase error, which makes the flanks unequal, is added if it reduces chi2 by more
-// than 9. The fit is refused if the transmitter leakage overlaps the echo. The taps are
-// then those of the symmetric part of the response (record::symmetry_of). Standard errors are
-// derived from the scatter of the frames and the precision of the firmware's arithmetic, and are
-// increased if the fit is poor. Bins in which one flank has more than three times the power of the
-// other flank are excluded, because they contain another echo. Sets the radar's cell and taps and
-// the standard error of the taps, unless the fit deviates from the measured power of any bin by
-// more than 5 % of the peak.
+// than 9. The taps are then those of the symmetric part of the response (record::symmetry_of).
+// Standard errors are derived from the scatter of the frames and the precision of the firmware's
+// arithmetic, and are increased if the fit is poor. Bins in which one flank has more than three
+// times the power of the other flank are excluded, because they contain another echo. Sets the
+// radar's cell and taps and the standard error of the taps, unless transmitter leakage overlaps the
+// echo, or the fit deviates from the measured power of any bin by more than 5 % of the peak.
 WindowFit fit_radar_response(const Profiles& frames, const EchoAxis& axis, double range_m,
                              record::Response& out);
 
