@@ -12,15 +12,6 @@ using namespace echofuse::test;
 
 namespace {
 
-std::string trained(const Folder& dir, const std::string& model) {
-  a_run(80).write(dir / "train");
-  const Outcome o = recon_program("train -q --set fallback=false --model " + model + " " +
-                                  (dir / "train") + " --out " + (dir / "m"));
-  INFO(o.text);
-  REQUIRE(o.code == 0);
-  return dir / "m";
-}
-
 // Returns the exception that `body` throws.
 template <class Body>
 Exception thrown_by(const Body& body) {
@@ -76,8 +67,8 @@ TEST_CASE("records read through the API contain the values of the run file") {
 
 TEST_CASE("the API predicts the same depth map as the model, from a record or from arrays") {
   const Folder dir;
-  const Model model(trained(dir, "mean-shape"));
-  const recon::TrainedModel whole = recon::load_model(dir / "m");
+  const Model model(made_model("mean-shape", 80));
+  const recon::TrainedModel whole = recon::load_model(made_model("mean-shape", 80));
   a_run(4, 2).write(dir / "fresh");
   const Run run(dir / "fresh");
   const recon::Records records =
@@ -124,9 +115,35 @@ TEST_CASE("the API predicts the same depth map from the arrays of three zones as
   }
 }
 
+TEST_CASE("the API predicts the records of the default runs as the model does") {
+  const std::string kind = GENERATE("one_pixel", "nine_zones");
+  const auto run_of = [&](const char* records, const char* seed) {
+    return made("fixture", {"run", "--kind", kind, "--records", records, "--seed", seed});
+  };
+  const std::string path =
+      made("echofuse-recon", {"train", "-q", "--model", "factorised-4", "--epochs", "30",
+                              "--inputs", "fused", "--set", "fallback=false", run_of("300", "1")});
+  const Model model(path);
+  const recon::TrainedModel whole = recon::load_model(path);
+  const Run run(run_of("40", "2"));
+  const recon::Dataset data = recon::load({run_of("40", "2")});
+  const record::RunReader reader(run_of("40", "2"));
+  CHECK(model.zones() == reader.axis("spd")->zones.size());
+  for (std::int64_t i = 0; i < run.count(); ++i) {
+    const Record record = run.read(i);
+    const record::FusedRecord stored = reader.read(i);
+    CHECK(std::ranges::equal(record.spd(), counts(stored)));
+    CHECK(std::ranges::equal(record.radar(), power(stored)));
+    const DepthMap map = predict(model, record);
+    REQUIRE(map.fault.empty());
+    const recon::Matrix maps = whole.predict(data, {static_cast<std::size_t>(i)});
+    CHECK(map.depth_m == recon::thresholded_map(maps.row(0), whole->scene));
+  }
+}
+
 TEST_CASE("the API returns an error message instead of a map if a sensor is missing") {
   const Folder dir;
-  const Model model(trained(dir, "mean-shape"));
+  const Model model(made_model("mean-shape", 80));
   a_run(1, 2, [](FusedRecord& r) {
     r.valid.erase(Sensor::radar), power(r).clear();
   }).write(dir / "fresh");
@@ -172,9 +189,8 @@ TEST_CASE("antennas and their statistics read through the API equal those of the
 }
 
 TEST_CASE("a record can be used after its run has been closed, and from several threads") {
-  const Folder dir;
-  const Model model(trained(dir, "ridge"));
-  const Record record = Run(dir / "train").read(3);
+  const Model model(made_model("ridge", 80));
+  const Record record = Run(made_run(80)).read(3);
   const std::vector<float> depth_m = predict(model, record).depth_m;
   std::atomic<int> equal = 0;
   std::vector<std::thread> threads;
@@ -186,7 +202,7 @@ TEST_CASE("a record can be used after its run has been closed, and from several 
 
 TEST_CASE("exceptions of the API have the code of their cause") {
   const Folder dir;
-  const Model model(trained(dir, "ridge"));
+  const Model model(made_model("ridge", 80));
   const auto open = [&](const char* name) {
     return thrown_by([&] { return Run(dir / name); }).code();
   };
@@ -195,8 +211,8 @@ TEST_CASE("exceptions of the API have the code of their cause") {
   };
   a_run(4).write(dir / "run");
   damage(dir / "run", "histogram of one byte in record ?1", {1});
-  std::filesystem::copy(dir / "m", dir / "cut");
-  std::filesystem::resize_file(dir / "cut", std::filesystem::file_size(dir / "m") - 9);
+  for (const char* copy : {"m", "cut"}) std::filesystem::copy(made_model("ridge", 80), dir / copy);
+  std::filesystem::resize_file(dir / "cut", std::filesystem::file_size(dir / "cut") - 9);
   const Record other = Run(one_pixel().write(dir / "other")).read(0);
   CHECK(open("none") == ErrorCode::not_found);
   CHECK(open("m") == ErrorCode::other_format);
@@ -215,7 +231,7 @@ TEST_CASE("the API refuses invalid files and input values and states the reason"
              Catch::Contains("none"));
   CHECK_THAT(std::string(thrown_by([&] { return Model(dir / "none"); }).what()),
              Catch::Contains("expected a model file"));
-  const Model model(trained(dir, "ridge"));
+  const Model model(made_model("ridge", 80));
   const std::vector<float> power(24, 1);
   CHECK_THAT(
       std::string(thrown_by([&] { return predict(model, std::vector<float>(29), power); }).what()),
@@ -233,7 +249,7 @@ TEST_CASE("the API refuses invalid files and input values and states the reason"
   const std::vector<float> infinite(24, -INFINITY);
   CHECK(std::string(thrown_by([&] { return predict(model, counts_with(9), infinite); }).what()) ==
         "radar: value 0 is -inf; the model expects 24 finite values");
-  CHECK_THAT(std::string(thrown_by([&] { return Run(dir / "train").read(80); }).what()),
+  CHECK_THAT(std::string(thrown_by([&] { return Run(made_run(80)).read(80); }).what()),
              Catch::Contains("no record 80"));
   CHECK(std::string(version()).find('.') != std::string::npos);
 }

@@ -206,19 +206,15 @@ TEST_CASE(
 }
 
 TEST_CASE("the nearest-neighbour baseline does not depend on the evaluated model") {
-  const Folder dir;
-  a_run(100).write(dir / "run");
-  const auto nearest = [&](const std::string& how) {
-    std::filesystem::remove(dir / "m");
-    REQUIRE(recon_program("train -q --set fallback=false " + (dir / "run") + " --out " +
-                          (dir / "m") + " --model " + how)
-                .code == 0);
-    const Outcome o = recon_program("evaluate --json " + (dir / "m") + " " + (dir / "run"));
+  const auto nearest = [&](const std::string& kind, Words words) {
+    words.insert(words.end(), {"--set", "fallback=false"});
+    const Outcome o =
+        recon_program("evaluate --json " + made_model(kind, 100, 1, words) + " " + made_run(100));
     return nlohmann::json::parse(o.text)["trivial"]["nearest"];
   };
-  const auto record = nearest("ridge");
-  CHECK(nearest("ridge --inputs spd") == record);
-  CHECK(nearest("factorised-4 --epochs 2") == record);
+  const auto record = nearest("ridge", {});
+  CHECK(nearest("ridge", {"--inputs", "spd"}) == record);
+  CHECK(nearest("factorised-4", {"--epochs", "2"}) == record);
 }
 
 TEST_CASE("train refuses to overwrite its input run") {

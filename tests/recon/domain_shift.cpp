@@ -20,15 +20,8 @@ Dataset plates(std::int64_t count, std::uint64_t seed, const Change& change = {}
   return load({dir / "run"});
 }
 
-const TrainedModel& trained(const std::string& name, const std::string& inputs) {
-  static std::map<std::string, TrainedModel> made;
-  const auto [known, is_new] = made.try_emplace(name + inputs);
-  if (is_new) {
-    TrainOptions options;
-    options.model = name, options.inputs = inputs, options.fit.quiet = true;
-    known->second = train(plates(400, 1), options);
-  }
-  return known->second;
+TrainedModel trained(const std::string& name, const std::string& inputs) {
+  return trained_model(name, 400, {"--inputs", inputs});
 }
 
 DomainShift shift_of(const TrainedModel& model, const Dataset& data) {

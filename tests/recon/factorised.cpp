@@ -21,13 +21,7 @@ const Dataset& plates() {
 }
 
 const TrainedModel& trained() {
-  static const TrainedModel model = [] {
-    TrainOptions options;
-    options.uncertainty = false;
-    options.model = "factorised";
-    options.fit.quiet = true;
-    return train(plates(), options);
-  }();
+  static const TrainedModel model = trained_model("factorised", 400);
   return model;
 }
 

@@ -19,12 +19,7 @@ const Dataset& plates() {
 }
 
 TrainedModel trained_with(const std::string& model) {
-  TrainOptions options;
-  options.model = model;
-  options.fallback = true;
-  options.fit.quiet = true;
-  options.fit.epochs = 8;
-  return train(plates(), options);
+  return trained_model(model, 160, {"--set", "fallback=true", "--epochs", "8"});
 }
 
 void lose_radar(FusedRecord& r) {

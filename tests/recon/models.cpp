@@ -208,7 +208,7 @@ TEST_CASE(
 }
 
 TEST_CASE("evaluation scores the model and three baseline methods on the held-out records") {
-  const TrainedModel model = train(plates(), quick("ridge"));
+  const TrainedModel model = trained_model("ridge", 600);
   const Rows rows = rows_to_evaluate(model, plates(), false);
   CHECK(rows.size() == 60);
   CHECK(rows_to_evaluate(model, plates(), true).size() == 600);

@@ -338,11 +338,8 @@ TEST_CASE("reconstruct writes body positions to records.csv and summarises repea
 
 TEST_CASE("reconstruct --follow processes a live run until it is closed") {
   const Folder dir;
-  a_run(60).write(dir / "run");
-  const std::string model = dir / "m", live = dir / "live", out = dir / "o", log = dir / "log";
-  REQUIRE(recon_program("train -q --set fallback=false --model ridge " + (dir / "run") + " --out " +
-                        model)
-              .code == 0);
+  const std::string model = made_model("ridge", 60);
+  const std::string live = dir / "live", out = dir / "o", log = dir / "log";
   const auto run = a_run(0).without_axis(Sensor::radar).open(live);
   Rng rng = make_rng(4, 4);
   const auto record = [&](std::int64_t index) {

@@ -70,9 +70,7 @@ TEST_CASE("the map of a record is the same bit for bit in a batch of any size") 
   for (const std::string kind : {"mean-shape", "factorised-4", "ridge", "pca-mlp-4-9", "mlp-9-17",
                                  "mlp-mask-9-17", "nearest-3"}) {
     CAPTURE(kind);
-    TrainOptions options;
-    options.model = kind, options.fit.epochs = 2, options.fit.quiet = true;
-    const TrainedModel model = train(data, options);
+    const TrainedModel model = trained_model(kind, 257, {"--epochs", "2"});
     const auto of = [&](const Rows& rows) {
       return predict(model, data, rows, fullest_detail(model));
     };

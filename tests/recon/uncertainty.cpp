@@ -25,16 +25,10 @@ Dataset fresh_plates(std::int64_t count, const Change& change = {}) {
   return load({dir / "fresh"});
 }
 
-TrainedModel train_on_plates(const std::string& model, double validation_share) {
-  TrainOptions options;
-  options.model = model;
-  options.split.validation_share = validation_share;
-  options.fit.quiet = true;
-  return train(load_plates(800), options);
-}
+const Words more_validation{"--set", "validation_share=0.3"};
 
 const TrainedModel& trained() {
-  static const TrainedModel model = train_on_plates("factorised-4", 0.3);
+  static const TrainedModel model = trained_model("factorised-4", 800, more_validation);
   return model;
 }
 
@@ -339,9 +333,8 @@ TEST_CASE("the range error of a run joins both calibration errors and the mounti
 TEST_CASE("single-sensor models flag outliers") {
   for (const std::string inputs : {"spd", "radar"}) {
     CAPTURE(inputs);
-    TrainOptions options;
-    options.model = "ridge", options.inputs = inputs, options.split.validation_share = 0.3;
-    const TrainedModel model = train(load_plates(400), options);
+    const TrainedModel model =
+        trained_model("ridge", 400, {"--inputs", inputs, "--set", "validation_share=0.3"});
     Dataset data = fresh_plates(200);
     const Rows rows = all_rows(200);
     CHECK(share_flagged(predict(model, data, rows).uncertainties) < 0.04);
@@ -358,7 +351,7 @@ TEST_CASE("pixel uncertainty matches the depth errors, and the expected depth ha
   const Rows rows = all_rows(300);
   for (const std::string name : {"factorised-4", "ridge"}) {
     CAPTURE(name);
-    const TrainedModel model = train_on_plates(name, 0.3);
+    const TrainedModel model = trained_model(name, 800, more_validation);
     const UncertaintyCalibration c = calibration_of(model, data);
     CHECK(c.deviation_m == Approx(c.error_m).epsilon(0.15));
     const Prediction made = predict(model, data, rows, PredictionDetail::pixels);
@@ -405,11 +398,8 @@ TEST_CASE(
     CHECK(a[i].out_of_distribution.distance == b[i].out_of_distribution.distance);
     CHECK(a[i].out_of_distribution.two_bodies == b[i].out_of_distribution.two_bodies);
   }
-  TrainOptions options;
-  options.model = "ridge", options.fit.quiet = true;
   // Only 45 of the 50 records are used for training, which is too few to fit an uncertainty.
-  save_model(train(load_plates(50), options), dir / "few");
-  const TrainedModel loaded = load_model(dir / "few");
+  const TrainedModel loaded = trained_model("ridge", 50);
   CHECK_FALSE(loaded->uncertainty);
   CHECK(predict(loaded, data, all_rows(20)).uncertainties.empty());
   CHECK_THROWS_WITH(predict(loaded, data, all_rows(20), PredictionDetail::pixels),

@@ -26,6 +26,7 @@
 #include "acquire/measurement/depth_map.hpp"
 #include "acquire/record/run_file.hpp"
 #include "drivers/core/random.hpp"
+#include "recon/predict/trained_model.hpp"
 
 namespace echofuse::test {
 
@@ -41,9 +42,13 @@ inline std::string error_of(const std::function<void()>& body) {
 }
 
 // Returns the data of a_run(count).
-inline recon::Dataset load_plates(std::int64_t count) {
-  const Folder dir;
-  return recon::load({a_run(count).write(dir / "plates")});
+inline recon::Dataset load_plates(std::int64_t count) { return recon::load({made_run(count)}); }
+
+// Returns a cached model of a_run(records).
+inline recon::TrainedModel trained_model(const std::string& kind, std::int64_t records,
+                                         Words words = {}) {
+  words.insert(words.begin(), {"--set", "fallback=false"});
+  return recon::load_model(made_model(kind, records, 1, words));
 }
 
 inline bool all_finite(std::span<const float> values) {
