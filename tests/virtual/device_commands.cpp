@@ -381,3 +381,31 @@ TEST_CASE("doctor exits with the code of its first problem, and lists device pro
     CHECK(examine(1'000'000'000'000) == ExitCode::device);
   }
 }
+
+TEST_CASE("a simulated histogram shows the scene at the middle of its exposure") {
+  port::VirtualLoop loop;
+  sim::SceneSchedule schedule{.hold_s = 0.06};
+  schedule.list = {sim::SceneKind::empty, sim::SceneKind::person};
+  sim::ScenePlayer player(loop, {.spd_zones = 2}, schedule);
+  auto listener = std::make_unique<test::MemoryListener>(loop);
+  loop.ports["bridge:tcp://detector:1"] = listener->opener();
+  const auto detector = sim::make_histogram_bridge(loop, player, {}, std::move(listener));
+  test::KeepingSink sink;
+  const auto driver = make_tdc(loop, {"bridge:tcp://detector:1"});
+  driver->start(sink);
+  REQUIRE(test::run_until(loop, [&] { return sink.histograms.size() == 24; }));
+  const double hold_s = schedule.hold_s;
+  int between = 0;  // exposures that contain the end of a scene after their middle
+  for (const HistogramFrame& histogram : sink.histograms) {
+    const double end_s = seconds(histogram.received), middle_s = end_s - 0.025;
+    const auto scene = [&](double time_s) { return std::floor(time_s / hold_s + 1e-9); };
+    const bool person = std::fmod(scene(middle_s) - scene(1), 2) == 1;
+    between += scene(end_s) != scene(middle_s);
+    const std::uint64_t counts = histogram.clicks();
+    CAPTURE(end_s, counts);
+    CHECK((counts > 500) == person);
+  }
+  CHECK(between > 5);
+  detector->stop();
+  loop.run_for(1s);
+}
