@@ -6,6 +6,7 @@
 #include <numeric>
 #include <utility>
 
+#include "acquire/measurement/radar_leakage.hpp"
 #include "acquire/record/run_file.hpp"
 #include "drivers/core/median.hpp"
 #include "drivers/util/format.hpp"
@@ -20,8 +21,6 @@ namespace {
 
 constexpr double reference_s = 60;
 constexpr std::size_t least_records = 5;
-// Distance up to which the direct path from the transmitter to the receivers hides echoes.
-constexpr double leakage_m = 0.5;
 
 // Returns true if the counts have no peak. The limit for the sum of 5 adjacent bins is its mean
 // plus five standard deviations plus five clicks. The five clicks allow for the long tail of the
@@ -134,14 +133,14 @@ Verdict SignalCheck::assess_spd(record::FusedRecord& r, const Axis& axis) {
 
 Verdict SignalCheck::assess_radar(record::FusedRecord& r, const Axis& axis) {
   const std::vector<double> power(r.radar.begin(), r.radar.end());
-  const auto leakage_bins =
-      static_cast<std::ptrdiff_t>(std::max(2.0, std::ceil((leakage_m - axis.start) / axis.step)));
-  if (std::ssize(power) <= leakage_bins + 2)
+  const std::size_t leakage = record::leakage_bins(axis);
+  if (power.size() <= leakage + 2)
     return {VerdictKind::not_assessed,
-            format("only %td range cells beyond the leakage of %.1f m (minimum 3)",
-                   std::max<std::ptrdiff_t>(0, std::ssize(power) - leakage_bins), leakage_m)};
+            format("only %zu range bins beyond the leakage below %.1f m (minimum 3)",
+                   power.size() - std::min(leakage, power.size()),
+                   axis.at(static_cast<double>(leakage)))};
   const double floor = median(power);
-  const auto first = power.begin() + leakage_bins;
+  const auto first = power.begin() + static_cast<std::ptrdiff_t>(leakage);
   const auto top = static_cast<std::size_t>(std::max_element(first, power.end()) - power.begin());
   // After noise subtraction, the median may be 0 or negative. The peak-to-median ratio is then
   // infinite and is not stored.

@@ -7,6 +7,7 @@
 #include <iterator>
 #include <random>
 
+#include "acquire/measurement/radar_leakage.hpp"
 #include "drivers/core/random.hpp"
 #include "drivers/util/format.hpp"
 #include "recon/data/response_conversion.hpp"
@@ -161,6 +162,7 @@ std::vector<float> OutOfDistributionDetector::describe(std::span<const float> vi
   std::ranges::copy(view.last(first_[range + 1]), out.begin());
   const auto whole = std::span(out).subspan(first_[profile]);
   std::copy_n(data.radar().row(row).begin(), whole.size(), whole.begin());
+  std::fill_n(whole.begin(), std::min(whole.size(), record::leakage_bins(data.radar().axis)), 0.f);
   normalise(whole);
   return out;
 }

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <numeric>
 
+#include "acquire/measurement/radar_leakage.hpp"
 #include "recon/numbers/statistics.hpp"
 
 namespace echofuse::recon {
@@ -42,8 +43,9 @@ std::array<double, 4> numbers_of_spd(std::span<const float> histogram,
 }
 
 // Returns the four numbers that describe the radar data. `body`: profile around the body, or the
-// whole profile if the SPD is missing. `power`: whole profile.
-std::array<double, 4> numbers_of_radar(std::span<const float> body, std::span<const float> power) {
+// whole profile if the SPD is missing. `power`: profile beyond the leakage, from bin `first`.
+std::array<double, 4> numbers_of_radar(std::span<const float> body, std::span<const float> power,
+                                       std::size_t first) {
   std::vector<double> squares(body.begin(), body.end());
   for (double& v : squares) v *= v;  // squares give less weight to noise and side lobes
   const Moments m = moments_of(squares);
@@ -52,7 +54,7 @@ std::array<double, 4> numbers_of_radar(std::span<const float> body, std::span<co
   double before = 0, all = 1e-12;
   for (std::size_t i = 0; i < power.size(); ++i) {
     const double v = std::max(double{power[i]}, 0.);
-    all += v, before += 2 * i < peak ? v : 0;
+    all += v, before += 2 * (first + i) < first + peak ? v : 0;
   }
   return {std::log(m.deviation), m.skewness, std::log(double{peak_to_noise(power)} + 1),
           before / all};
@@ -79,6 +81,12 @@ float peak_to_noise(std::span<const float> power) {
                             std::max(standard_deviation(weaker), 1e-12));
 }
 
+std::span<const float> beyond_leakage(const Column& profiles, std::size_t row) {
+  const auto power = profiles.row(row);
+  const std::size_t leakage = record::leakage_bins(profiles.axis);
+  return power.size() > leakage + 2 ? power.subspan(leakage) : power;
+}
+
 Matrix record_numbers_of(const Alignment& alignment, const Dataset& data, const Matrix& views,
                          const Rows& rows, Inputs inputs) {
   Matrix out(0, record_number_count);
@@ -91,9 +99,10 @@ Matrix record_numbers_of(const Alignment& alignment, const Dataset& data, const 
           numbers_of_spd(alignment.columns(view).histogram, data.counts(row), double{view.back()}),
           one.begin());
     if (inputs != Inputs::spd) {
-      const auto power = data.radar().row(row);
+      const auto power = beyond_leakage(data.radar(), row);
       const auto body = view.empty() ? power : alignment.columns(view).profile;
-      std::ranges::copy(numbers_of_radar(body, power), one.begin() + 4);
+      std::ranges::copy(numbers_of_radar(body, power, data.radar().row(row).size() - power.size()),
+                        one.begin() + 4);
     }
     if (both_sensors(inputs))
       one[radar_range_number] = static_cast<float>(alignment.displacement_m(view));

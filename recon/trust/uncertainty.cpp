@@ -72,7 +72,7 @@ Matrix predictors_of(const Matrix& maps, const SceneModel& scene, const Dataset&
     if (inputs == Inputs::spd) return;
     const double smoothed =
         data.sources.empty() ? 1 : data.sources[data.source_of(rows[i])].response.noise_factor;
-    row.back() = std::log(peak_to_noise(data.radar().row(rows[i])) *
+    row.back() = std::log(peak_to_noise(beyond_leakage(data.radar(), rows[i])) *
                           static_cast<float>(std::min(smoothed, 1.)));
   });
   return out;
