@@ -436,10 +436,21 @@ void announce(const Config& config, const Reflector& reflector, double window_m)
   std::fflush(stdout);
 }
 
+// Returns the options with the reflector distance of the stored calibration, unless it is given.
+CalibrateOptions with_stored_distance(CalibrateOptions options, const Calibration& stored) {
+  if (options.distance_given || !(options.side || options.check)) return options;
+  for (const record::CalibrationEntry& entry : stored.entries)
+    if (entry.sensor == Sensor::spd) options.search.distance_m = entry.distance_m;
+  return options;
+}
+
 }  // namespace
 
-ExitCode calibrate(const Config& all, const CalibrateOptions& options, port::Loop& loop) {
-  const Config config = with_chosen(all, options);
+ExitCode calibrate(const Config& all, const CalibrateOptions& given, port::Loop& loop) {
+  const Config config = with_chosen(all, given);
+  const Calibration stored =
+      given.check or given.side ? config.calibration : stored_in(config.calibration_path);
+  const CalibrateOptions options = with_stored_distance(given, stored);
   if ((config.configured() - SensorSet{Sensor::depth}).empty())
     throw Error(ExitCode::config,
                 std::string("nothing to calibrate; set tdc.address, radar.cli or radar.address") +
@@ -455,8 +466,6 @@ ExitCode calibrate(const Config& all, const CalibrateOptions& options, port::Loo
                             .distance_error_m = options.distance_error_m,
                             .baseline_error_m = options.baseline_error_m};
   if (options.side) return check_side(config, options, reflector, loop);
-  const Calibration stored =
-      options.check ? config.calibration : stored_in(config.calibration_path);
   if (!options.json) announce(config, reflector, options.search.window_m);
   Measurement measurement(config, options, reflector, loop);
   measurement.run();

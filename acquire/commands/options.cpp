@@ -128,7 +128,9 @@ void add_calibrate(CLI::App& app, Options& o) {
                              "reflector to this side by radar.baseline_m")
                    ->check(CLI::IsMember({"left", "right"}));
   c->add_option("--distance", k.search.distance_m,
-                "distance between the reflector and the sensor that it faces, m")
+                "distance between the reflector and the sensor that it faces, m; --side and "
+                "--check use by default the distance stored in the calibration file")
+      ->each([&k](const std::string&) { k.distance_given = true; })
       ->check(CLI::Range(0.1, 100.0))
       ->capture_default_str();
   c->add_option("--window", k.search.window_m,
@@ -161,8 +163,7 @@ void add_calibrate(CLI::App& app, Options& o) {
   add_examples(*c,
                {"echofuse-acquire calibrate --distance 1.0 --repeat 5",
                 "echofuse-acquire calibrate --reflector each --only radar",
-                "echofuse-acquire calibrate --side right",
-                "echofuse-acquire calibrate --distance 1.0 --check"},
+                "echofuse-acquire calibrate --side right", "echofuse-acquire calibrate --check"},
                "3 config, 4 device failed or reflector not found, 6 disk, 130 interrupted");
 }
 

@@ -190,7 +190,11 @@ TEST_CASE("the calibrate command measures and stores offsets, and a run uses the
     CHECK(std::abs(entry->offset_m - true_m) < 5 * entry->standard_error_m + 2e-5);
     CHECK(entry->standard_error_m < 3e-4);
   }
-  CHECK(calibrate(*b.lab, true) == ExitCode::ok);
+  acquire::CalibrateOptions stated;
+  stated.search.distance_m = 3;  // not given by the user, so the stored distance of 1 m counts
+  CHECK(calibrate(*b.lab, true, stated) == ExitCode::ok);
+  stated.distance_given = true;
+  CHECK(calibrate(*b.lab, true, stated) != ExitCode::ok);
   CHECK(b.lab->record(b.run(1)) == ExitCode::ok);
   const auto named = b.reader().calibrations();
   REQUIRE(named.size() == 2);
