@@ -30,16 +30,18 @@ struct LabTagger {
   std::vector<std::pair<std::string, std::string>> environment{};
 };
 
-// Selects the Blackman window over the chirp, the default of TI's demos.
-inline Conditions with_firmware_window(Conditions c = {}) {
+// Selects the Blackman window over the chirp, the default of TI's demos, and the leakage of a
+// board.
+inline Conditions as_board(Conditions c = {}) {
   c.radar_psf = "blackman";
+  c.radar_leakage = 0.3;
   return c;
 }
 
 struct LabOptions {
   std::string dir = "lab";
   SceneSchedule schedule;
-  Conditions conditions = with_firmware_window();
+  Conditions conditions = as_board();
   // At this laser rate fewer than 5 % of the pulses yield a detection, even in the brightest
   // scenes.
   Tagging tagging{.laser_rate_hz = 4e6};
