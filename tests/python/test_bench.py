@@ -83,6 +83,9 @@ def test_derived_run_contains_the_requested_changes(run, tmp_path):
         assert not lost.valid["radar"].any() and lost.valid["spd"].all() and np.array_equal(lost.spd, run.spd)
     with echofuse.open(derive.copy(run.path, tmp_path / "off.sqlite", derive.range_offset(0.1))) as off:
         assert np.allclose(off.power(), run.power(-0.1), atol=1e-4 * run.power().max())
+    with echofuse.open(derive.copy(run.path, tmp_path / "noisy.sqlite", derive.noise(20, 1))) as noisy:
+        added = (noisy.radar - run.radar) / run.radar.max(1, keepdims=True)
+        assert added.std() == pytest.approx(0.01, rel=0.1) and abs(added.mean()) < 0.001
 
 
 @pytest.mark.parametrize(("ends", "code", "kind"), [("exit 1", 1, bench.BenchError), ("exit 6", 6, bench.UsageError), ("kill -9 $$", 1, bench.UsageError)])
@@ -276,6 +279,11 @@ def test_letters_are_recognised_in_true_maps_but_not_in_empty_or_mirrored_maps(t
         assert np.isnan(share[0]) and sizes[0] == -1
         # The maps are mirrored left to right.
         assert np.nanmean(letters.read(truth[:, :, ::-1], truth, run.labels, half)[0]) < 0.8
+
+
+def test_letter_template_is_blurred_in_proportion_to_the_pixels_of_the_map():
+    grey = [np.count_nonzero((t := letters.template("H", (0.4, 0.5, 0.08), step)) % 1) / t.size for step in (0.002, 0.02, 0.05)]
+    assert grey[0] < grey[1] < grey[2], grey
 
 
 def test_each_axis_of_the_stability_study_contains_the_base_condition_once(run):

@@ -202,8 +202,11 @@ def test_bench_row_contains_the_number_of_records_with_a_map(runs, tmp_path, cap
 def test_bench_table_has_confidence_intervals_and_paired_differences_over_records(runs, tmp_path):
     done, _ = pareto(tmp_path, runs, "nearest", "mine:Mine", "empty", more=["--markdown"])
     assert done.returncode == 0, done.stderr
+    shape = [line.count("|") for line in done.stdout.splitlines() if line.startswith("|")]
+    assert set(shape) == {15}, shape
     head, _, *rows = ([cell.strip() for cell in line.split("|")] for line in done.stdout.splitlines() if line.startswith("|"))
     shown = {row[2].strip("`"): dict(zip(head, row)) for row in rows}
+    assert b"\r" not in (tmp_path / "b.csv").read_bytes() + (tmp_path / "b.records.csv").read_bytes()
     with open(tmp_path / "b.records.csv", newline="") as file:
         lines = list(csv.DictReader(line for line in file if line[0] != "#"))
     iou = {name: np.array([float(line["iou"]) for line in lines if line["model"] == name]) for name in shown}

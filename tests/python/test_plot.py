@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: MIT
 """Tests echofuse.plot with simulated runs and with result tables of echofuse-bench."""
+import types
+
 import numpy as np
 import pytest
 
 pytest.importorskip("matplotlib")
 import echofuse
 from echofuse import plot
+from echofuse.plot import figures
 from fixtures import program
 
 
@@ -31,6 +34,18 @@ def test_plot_of_a_record_has_one_panel_for_each_sensor_and_each_colour_bar(fold
     assert written(figure, folder / f"{run}.pdf").startswith(b"%PDF")
     with pytest.raises(KeyError, match="no record 99"):
         plot.record(folder / f"{run}.sqlite", 99)
+
+
+def test_power_by_direction_is_largest_in_the_direction_of_the_source():
+    sines = np.linspace(-1, 1, 81)
+    for source in (-0.5, 0.25):
+        # Covariances of eight antennas at half a wavelength, for a wave from this direction.
+        waves = 3 * np.exp(-1j * np.pi * source * np.arange(8))
+        lags = np.zeros((1, 4, 15))
+        lags[..., 0], lags[..., 1::2], lags[..., 2::2] = 3, waves[1:].real, waves[1:].imag
+        power = figures.power_by_direction(types.SimpleNamespace(lags=lambda table=lags: table, lags_axis=None), 0, sines)
+        assert power.shape == (4, 81) and np.all(sines[power.argmax(1)] == pytest.approx(source)), source
+        assert power.max() == pytest.approx(8 * 3, rel=1e-6)
 
 
 def test_timeline_map_and_learning_curve_can_be_plotted(folder):
