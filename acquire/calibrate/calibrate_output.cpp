@@ -49,8 +49,7 @@ nlohmann::ordered_json json_of(const AntennaFit& fit) {
 
 nlohmann::ordered_json json_of(const WindowFit& fit) {
   return {{"flank_difference", fit.lopsided.value},
-          {"standard_error", fit.lopsided.standard_error},
-          {"peak_m", fit.peak_m}};
+          {"standard_error", fit.lopsided.standard_error}};
 }
 
 void say(const WindowFit& fit) {
@@ -59,12 +58,10 @@ void say(const WindowFit& fit) {
   if (std::abs(difference) < std::max(least, least_errors * error)) return;
   std::printf(
       "radar  asymmetric response: the %s flank is higher by up to %.1f +- %.1f %% of the peak; "
-      "ranges refer to the symmetric part, which is %.1f mm %s the peak. If this value changes "
-      "when you "
-      "move "
-      "the reflector, there is a second echo close to it\n",
-      difference > 0 ? "far" : "near", 100 * std::abs(difference), 100 * error,
-      1e3 * std::abs(fit.peak_m), fit.peak_m < 0 ? "beyond" : "in front of");
+      "both flanks are stored. If this value changes when you move the reflector, there is a "
+      "second "
+      "echo close to it\n",
+      difference > 0 ? "far" : "near", 100 * std::abs(difference), 100 * error);
 }
 
 void say(const record::Response& r, const Unstated& unstated) {

@@ -355,20 +355,33 @@ class EchoFit {
   Problem problem_;
 };
 
-constexpr Index most_taps = 16;
+constexpr Index flank_taps = 15;
 
-// Returns the taps of the response, followed by its zero, peak and asymmetry.
+// Returns the position of the peak of a lobe, in cells from the transform's origin.
+double peak_of(const Lobe& lobe) {
+  constexpr double step = 1. / 32;
+  double top = 0;
+  for (double u = -1; u <= 1; u += step)
+    if (lobe.power(u) > lobe.power(top)) top = u;
+  const double before = lobe.power(top - step), behind = lobe.power(top + step);
+  // Vertex of the parabola through the maximum and its neighbours.
+  return top + step * (before - behind) / 2 / (before - 2 * lobe.power(top) + behind);
+}
+
+// Returns the taps beyond the peak and those before it, then the peak and the largest difference
+// between the flanks.
 VectorXd shape_of(const Window& window) {
   const Lobe lobe(window);
-  const record::Symmetry found =
-      window.skew_rad == 0 ? record::Symmetry{}
-                           : record::symmetry_of([&](double u) { return lobe.power(u); }, -1, 1);
-  VectorXd out(most_taps + 3);
-  for (Index k = 0; k < most_taps; ++k) {
-    const double u = static_cast<double>(k) / record::RadarResponse::taps_a_cell;
-    out[k] = (lobe.power(found.zero + u) + lobe.power(found.zero - u)) / 2 / lobe.power(found.zero);
+  const double peak = window.skew_rad == 0 ? 0 : peak_of(lobe), most = lobe.power(peak);
+  VectorXd out(2 * flank_taps + 2);
+  for (Index k = 0; k < flank_taps; ++k) {
+    const double u = static_cast<double>(k + 1) / record::RadarResponse::taps_a_cell;
+    out[k] = lobe.power(peak + u) / most, out[flank_taps + k] = lobe.power(peak - u) / most;
   }
-  out.tail(3) << found.zero, found.peak, found.lopsided;
+  const VectorXd odd = out.head(flank_taps) - out.segment(flank_taps, flank_taps);
+  Index largest = 0;
+  odd.cwiseAbs().maxCoeff(&largest);
+  out.tail(2) << peak, odd[largest];
   return out;
 }
 
@@ -418,12 +431,17 @@ WindowFit fit_radar_response(const Profiles& frames, const EchoAxis& axis, doubl
   WindowFit found{EchoFit::window_of(echo.best.parameters), {}};
   const VectorXd shape = shape_of(found.window),
                  errors = std::sqrt(echo.misfit()) * shape_errors(echo.best, shape);
-  out.radar = {axis.resolution_m, {shape.begin(), shape.begin() + most_taps}};
-  out.taps_standard_error = errors.head(most_taps).maxCoeff();
-  found.window.zero_cells = shape[most_taps];
-  found.zero_error_m = errors[most_taps] * axis.resolution_m;
-  found.peak_m = (shape[most_taps + 1] - shape[most_taps]) * axis.resolution_m;
-  found.lopsided = {shape[most_taps + 2], errors[most_taps + 2]};
+  constexpr Index taps = 2 * flank_taps;
+  out.radar = {axis.resolution_m, {}};
+  std::vector<double>& response = out.radar.taps;
+  if (found.window.skew_rad != 0)
+    for (Index k = taps; k-- > flank_taps;) response.push_back(shape[k]);
+  response.push_back(1);
+  response.insert(response.end(), shape.begin(), shape.begin() + flank_taps);
+  out.taps_standard_error = errors.head(taps).maxCoeff();
+  found.window.zero_cells = shape[taps];
+  found.zero_error_m = errors[taps] * axis.resolution_m;
+  found.lopsided = {shape[taps + 1], errors[taps + 1]};
   if (echo.misfit() > EchoFit::most_misfit) found.window = {};
   return found;
 }

@@ -28,7 +28,6 @@ struct WindowFit {
   // Largest difference in power between the far and the near flank of the peak, relative to the
   // peak.
   record::Measured lopsided{};
-  double peak_m = 0;  // distance of the peak from range zero
   double zero_error_m = 0;
 };
 
@@ -36,7 +35,7 @@ struct WindowFit {
 // Proc. IEEE 66, 1978) to the powers around the peak, by least squares. The terms a, b, ... are the
 // amplitudes at whole cells. Up to six terms are used; each further term must reduce chi2 by more
 // than 9. A cubic phase error, which makes the flanks unequal, is added if it reduces chi2 by more
-// than 9. The taps are then those of the symmetric part of the response (record::symmetry_of).
+// than 9. The taps then describe both flanks. Range zero is the peak.
 // Standard errors are derived from the scatter of the frames and the precision of the firmware's
 // arithmetic, and are increased if the fit is poor. Bins in which one flank has more than three
 // times the power of the other flank are excluded, because they contain another echo. Sets the

@@ -168,7 +168,7 @@ Calibration read_calibration(const std::string& path) {
   if (!std::ranges::all_of(stated, is_kept))
     throw Error(ExitCode::config, path +
                                       ": section response: expected the numbers that `calibrate` "
-                                      "writes (radar_taps: 3 to 64 numbers, the first equal to 1)");
+                                      "writes (radar_taps: 3 to 64 numbers with a peak of 1)");
   if (settings.given("antennas.gain") || settings.given("antennas.phase_rad"))
     take_antennas(path, texts, out.antennas);
   for (std::size_t i = 0; i < entries.size(); ++i)

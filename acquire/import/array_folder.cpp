@@ -92,7 +92,7 @@ void bind(Settings& settings, ArraySettings& s) {
   settings.add("radar.cell_m", s.radar_cell_m, 0, 1e3,
                "range resolution c / 2B; 0: response unknown");
   settings.add("radar.taps", s.radar_taps,
-               "power at 0, 1/4, 2/4 ... of a cell, relative to the peak");
+               "power in steps of 1/4 cell; the peak is 1, and comes first if the flanks are equal");
   settings.add(
       "radar.antennas", s.antennas,
       "antennas of array.npy: x and y in half wavelengths, optionally gain and phase in rad");

@@ -59,15 +59,26 @@ double catmull_rom(const std::array<double, 4>& values, double t) {
   return b + t / 2 * (c - a + t * (2 * a - 5 * b + 4 * c - d + t * (3 * (b - c) + d - a)));
 }
 
-// Takes the absolute value of `cells`, because the taps describe one side of a symmetric response.
+std::size_t RadarResponse::peak() const {
+  if (taps.empty() || std::abs(taps[0] - 1) < 1e-3) return 0;
+  return static_cast<std::size_t>(std::max_element(taps.begin(), taps.end()) - taps.begin());
+}
+
+bool RadarResponse::valid() const {
+  return taps.size() >= 3 && taps.size() <= most_taps && std::abs(taps[peak()] - 1) < 1e-3;
+}
+
 double RadarResponse::amplitude(double cells) const {
-  const double place = std::abs(cells) * taps_a_cell, whole = std::floor(place), t = place - whole;
-  if (!(place < static_cast<double>(taps.size()))) return 0;
-  const auto value = [&](double i) {
-    const auto k = static_cast<std::size_t>(std::abs(i));
-    return k < taps.size() ? std::sqrt(taps[k]) : 0;
+  const auto top = static_cast<double>(peak()), count = static_cast<double>(taps.size());
+  const double side = top > 0 && cells < 0 ? -1 : 1;
+  const double place = std::abs(cells) * taps_a_cell, whole = std::floor(place);
+  if (!(place < (side < 0 ? top + 1 : count - top))) return 0;
+  const auto value = [&](double distance) {
+    const double tap = top > 0 ? top + side * distance : std::abs(distance);
+    return tap >= 0 && tap < count ? std::sqrt(taps[static_cast<std::size_t>(tap)]) : 0;
   };
-  return catmull_rom({value(whole - 1), value(whole), value(whole + 1), value(whole + 2)}, t);
+  return catmull_rom({value(whole - 1), value(whole), value(whole + 1), value(whole + 2)},
+                     place - whole);
 }
 
 double RadarResponse::power(double distance_m) const {
@@ -77,33 +88,12 @@ double RadarResponse::power(double distance_m) const {
 
 double RadarResponse::width_m() const {
   const double step_m = cell_m / taps_a_cell / 64;
-  double half_m = 0;
-  while (power(half_m) > 0.5) half_m += step_m;
-  return 2 * half_m;
-}
-
-Symmetry symmetry_of(const std::function<double(double)>& power, double first, double last) {
-  constexpr double reach = 4, step = 1. / 32;  // limit and step of the integration in cells
-  const auto overlap = [&](double z) {
-    double sum = 0;
-    for (double u = 0; u < reach; u += step) sum += power(z + u) * power(z - u);
-    return sum;
+  const auto half_m = [&](double side) {
+    double out = 0;
+    while (power(side * out) > 0.5) out += step_m;
+    return out;
   };
-  const auto top_of = [&](const std::function<double(double)>& f) {
-    double top = first, most = 0;
-    for (double z = first; z <= last; z += step)
-      if (const double here = f(z); here > most) most = here, top = z;
-    const double before = f(top - step), behind = f(top + step);
-    // Vertex of the parabola through the maximum and its neighbours.
-    return top + step * (before - behind) / 2 / (before - 2 * most + behind);
-  };
-  Symmetry out{.zero = top_of(overlap), .peak = top_of(power)};
-  for (double u = 0; u < reach; u += step)
-    if (const double odd = power(out.zero + u) - power(out.zero - u);
-        std::abs(odd) > std::abs(out.lopsided))
-      out.lopsided = odd;
-  out.lopsided /= power(out.zero);
-  return out;
+  return half_m(-1) + half_m(1);
 }
 
 std::vector<std::pair<std::string, std::string>> Response::meta() const {
@@ -137,9 +127,7 @@ Response response_of(const std::vector<std::pair<std::string, std::string>>& met
     if (key == "radar_cell_m") take(text, cells_m, cell);
     if (key != "radar_taps") continue;
     out.radar.taps = numbers_of(text, powers, out.taps_standard_error);
-    if (out.radar.taps.size() < 3 || out.radar.taps.size() > RadarResponse::most_taps ||
-        std::abs(out.radar.taps[0] - 1) > 1e-3)
-      out.radar.taps.clear();
+    if (!out.radar.valid()) out.radar.taps.clear();
   }
   out.radar.cell_m = cell.value;
   if (!out.radar.known()) out.radar = {}, out.taps_standard_error = 0;

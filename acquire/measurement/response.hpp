@@ -5,15 +5,14 @@
 //   irf_tail_ps          time constant of the exponential tail of this response
 //   irf_tail_share       fraction of the photons in the tail
 //   radar_cell_m         range resolution c / 2B of the radar
-//   radar_taps           power of the radar's range response at 0, 1/4, 2/4 ... cells, relative to
-//                        the power at 0; for an asymmetric response its even part (symmetry_of)
+//   radar_taps           power of the radar's range response in steps of 1/4 cell, relative to its
+//                        peak; a list that begins with the peak describes a symmetric response
 //   radar_noise_exponent exponent n: the noise of a mean over N frames is proportional to N^n
 // A value may include a standard error: "203 +- 2". A standard error after the taps applies to
 // every tap.
 #pragma once
 #include <array>
 #include <cmath>
-#include <functional>
 #include <numbers>
 #include <string>
 #include <utility>
@@ -39,31 +38,20 @@ double catmull_rom(const std::array<double, 4>& values, double t);
 struct RadarResponse {
   static constexpr std::size_t taps_a_cell = 4, most_taps = 64;
   double cell_m = 0;
-  // Powers at distances of 0, 1/4, 1/2, ... cells, relative to the power at distance 0; empty if
-  // unknown.
+  // Powers in steps of 1/4 cell towards larger ranges, relative to the peak; empty if unknown. If
+  // the first tap is the peak, the response is symmetric.
   std::vector<double> taps;
 
   bool known() const { return cell_m > 0 && !taps.empty(); }
-  // Returns the amplitude at a distance in cells, relative to the peak. The amplitude is the square
-  // root of the power, interpolated with a cubic; it is 0 beyond the taps.
+  std::size_t peak() const;  // index of the tap at the peak; 0 for a symmetric response
+  bool valid() const;        // true if the number of taps is allowed and the peak is 1
+  // Returns the amplitude at a signed distance in cells, relative to the peak. The amplitude is the
+  // square root of the power, interpolated with a cubic; it is 0 beyond the taps.
   double amplitude(double cells) const;
   double power(double distance_m) const;
   double width_m() const;  // full width at half maximum of the power
   bool operator==(const RadarResponse&) const = default;
 };
-
-// Reference point `zero` of an asymmetric response: the position at which a symmetric lobe fits
-// best. If the peak were the reference point, the range bias would be larger. In a least-squares
-// fit of the powers, the zero z maximises the integral of power(z + u) power(z - u), and the lobe
-// is the even part about z.
-struct Symmetry {
-  double zero = 0, peak = 0;  // positions in cells
-  // Value of power(z + u) - power(z - u) that has the largest magnitude over all u, relative to
-  // power(z); z is `zero`.
-  double lopsided = 0;
-};
-// Finds `zero` and `peak` between `first` and `last`, in cells.
-Symmetry symmetry_of(const std::function<double(double)>& power, double first, double last);
 
 // Full width at half maximum of a Gaussian with sigma 1.
 inline const double fwhm_of_sigma = std::sqrt(8 * std::numbers::ln2);

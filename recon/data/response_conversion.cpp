@@ -108,10 +108,11 @@ std::vector<double> response_filter(const record::RadarResponse& own,
   MatrixXd responses(places, count);
   VectorXd target(places);
   for (Index i = 0; i < places; ++i) {
+    // Range of the target, relative to the output sample.
     const double at_m = static_cast<double>(i - places / 2) / parts * step_m;
-    target[i] = wanted.power(at_m);
+    target[i] = wanted.power(-at_m);
     for (Index j = 0; j < count; ++j)
-      responses(i, j) = own.power(at_m - static_cast<double>(j - reach) * step_m);
+      responses(i, j) = own.power(static_cast<double>(j - reach) * step_m - at_m);
   }
   const MatrixXd square = responses.transpose() * responses / parts +
                           noise_to_signal * MatrixXd::Identity(count, count);
@@ -156,10 +157,9 @@ void ModelResponse::archive(Archive archive) {
   if (!archive.part("known", radar.known())) return;
   archive.number("cell_m", radar.cell_m, 1e-3, 10);
   archive.values("taps", radar.taps, Archive::any);
-  archive.require(radar.taps.size() >= 3 && radar.taps.size() <= record::RadarResponse::most_taps &&
-                      std::abs(radar.taps[0] - 1) < 1e-3 &&
-                      std::ranges::all_of(radar.taps, [](double v) { return v >= 0 && v <= 2; }),
-                  "taps", "expected 3 to 64 powers relative to the peak, the first equal to 1");
+  archive.require(
+      radar.valid() && std::ranges::all_of(radar.taps, [](double v) { return v >= 0 && v <= 2; }),
+      "taps", "expected 3 to 64 powers with a peak of 1");
 }
 
 std::vector<record::RadarResponse> wider_responses(const record::RadarResponse& than) {

@@ -4,8 +4,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <locale>
-#include <sstream>
 
 #include "drivers/util/format.hpp"
 #include "drivers/util/printable.hpp"
@@ -161,11 +159,8 @@ void bind_radar(Settings& s, Conditions& c) {
         "strength of the window function over the radar sweep, from almost no window (near 0) to "
         "Blackman (1); 0: use radar_psf");
   s.add("radar_taps", c.radar_taps,
-        "powers of the range response at 0, 1/4, 2/4, ... resolution cells from its peak; the "
-        "first power is 1; replaces the window function");
-  s.add("radar_flanks", c.radar_flanks,
-        "powers of an asymmetric range response at steps of 1/4 resolution cell over both flanks; "
-        "range 0 is the centre of the best symmetric fit");
+        "powers of the range response in steps of 1/4 resolution cell; the peak is 1 and at range "
+        "0; a list that begins with the peak is symmetric; replaces the window function");
   s.add("radar_sum", c.radar_sum,
         "how radar echoes are added: as powers (incoherent) or as amplitudes (coherent)",
         {"incoherent", "coherent"});
@@ -221,38 +216,19 @@ void bind_depth(Settings& s, Conditions& c) {
         "bias added to the depths of the depth camera, m");
 }
 
-// Returns the amplitudes (square roots) of the powers in radar_flanks. Returns an empty list unless
-// the string contains 5 to 128 powers with a maximum of 1.
-std::vector<double> flanks_of(const std::string& text) {
-  constexpr std::size_t least = 5, most = 2 * record::RadarResponse::most_taps;
-  std::vector<double> out;
-  std::istringstream words(text);
-  words.imbue(std::locale::classic());
-  for (double power = 0; words >> power; out.push_back(std::sqrt(power)))
-    if (!(power >= 0 && power <= 1)) return {};
-  const bool sound = words.eof() && out.size() >= least && out.size() <= most &&
-                     *std::max_element(out.begin(), out.end()) == 1;
-  return sound ? out : std::vector<double>{};
+record::RadarResponse measured_response(const Conditions& c) {
+  return record::response_of({{"radar_cell_m", "1"}, {"radar_taps", c.radar_taps}}).radar;
 }
 
-Psf measured_response(const Conditions& c) {
-  Psf out;
-  if (c.radar_flanks.empty()) {
-    const auto even =
-        record::response_of({{"radar_cell_m", "1"}, {"radar_taps", c.radar_taps}}).radar.taps;
-    const auto last = std::ssize(even) - 1;
-    for (auto k = -last; k <= last; ++k)
-      out.taps.push_back(std::sqrt(even[static_cast<std::size_t>(std::abs(k))]));
-    out.zero = static_cast<double>(last);
-    return out;
+Psf psf_of(const record::RadarResponse& response) {
+  const std::vector<double>& taps = response.taps;
+  Psf out{.zero = static_cast<double>(response.peak())};
+  if (!taps.empty() && out.zero == 0) {
+    out.taps.assign(taps.rbegin(), taps.rend() - 1);
+    out.zero = static_cast<double>(out.taps.size());
   }
-  out.taps = flanks_of(c.radar_flanks);
-  if (out.taps.empty()) return out;
-  const auto power = [&](double u) { return out.at(u) * out.at(u); };
-  const auto top =
-      static_cast<double>(std::max_element(out.taps.begin(), out.taps.end()) - out.taps.begin()) /
-      record::RadarResponse::taps_a_cell;
-  out.zero = record::symmetry_of(power, top - 1, top + 1).zero * record::RadarResponse::taps_a_cell;
+  out.taps.insert(out.taps.end(), taps.begin(), taps.end());
+  for (double& tap : out.taps) tap = std::sqrt(tap);
   return out;
 }
 
@@ -262,7 +238,7 @@ Psf range_response(const Conditions& c) {
             : c.radar_psf == "blackman" ? Psf::blackman()
                                         : Psf::sinc();
   if (c.radar_taper > 0) out = Psf::tapered(c.radar_taper);
-  return c.radar_taps.empty() && c.radar_flanks.empty() ? out : measured_response(c);
+  return c.radar_taps.empty() ? out : psf_of(measured_response(c));
 }
 
 }  // namespace
@@ -311,12 +287,9 @@ void validate(const Conditions& c) {
     throw Error(ExitCode::config, "height_min_m is greater than height_max_m");
   if (c.albedo_min > c.albedo_max)
     throw Error(ExitCode::config, "albedo_min is greater than albedo_max");
-  if (!c.radar_flanks.empty() && range_response(c).taps.empty())
+  if (!c.radar_taps.empty() && !measured_response(c).known())
     throw Error(ExitCode::config,
-                "radar_flanks: expected 5 to 128 numbers from 0 to 1 with maximum 1");
-  if (!c.radar_taps.empty() && c.radar_flanks.empty() && range_response(c).taps.empty())
-    throw Error(ExitCode::config,
-                "radar_taps: expected 3 to 64 numbers from 0 to 1.05, the first equal to 1");
+                "radar_taps: expected 3 to 64 numbers from 0 to 1.05 with a peak of 1");
   if (!c.object.empty()) object_text(c);
 }
 
@@ -362,9 +335,11 @@ record::Response stated_response(const Conditions& c) {
   out.irf_fwhm_ps.value = c.irf_fwhm_ps;
   out.irf_tail_ps.value = c.irf_tail_ps, out.irf_tail_share.value = c.irf_tail_share;
   out.radar.cell_m = c.radar_resolution_m;
-  const auto even = [&](double u) { return std::pow(psf.at(u), 2) + std::pow(psf.at(-u), 2); };
-  for (double u = 0; u < farthest_cells; u += step_cells)
-    out.radar.taps.push_back(even(u) / even(0));
+  if (!c.radar_taps.empty())
+    out.radar.taps = measured_response(c).taps;
+  else
+    for (double u = 0; u < farthest_cells; u += step_cells)
+      out.radar.taps.push_back(std::pow(psf.at(u), 2) / std::pow(psf.at(0), 2));
   return out;
 }
 

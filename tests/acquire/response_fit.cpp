@@ -215,49 +215,36 @@ TEST_CASE("radar echoes are fitted with the measured window function") {
     }
 }
 
-TEST_CASE("the asymmetry of a radar response is reported, and its symmetric part is fitted") {
+TEST_CASE("both flanks of an asymmetric radar response are fitted, and range zero is its peak") {
   Rng rng = make_rng(6, 1);
-  constexpr double step = 0.01;
-  constexpr int reach =
-      400;  // half of the width over which responses are compared, equal to 4 resolution cells
   for (const std::size_t name : {1u, 2u})
     for (const double cubic_rad : {4., 6., -6., 8.}) {
       const NamedWindow window{windows[name].name, windows[name].at, cubic_rad};
-      std::vector<double> power;
-      for (int i = -2 * reach; i <= 2 * reach; ++i)
-        power.push_back(std::norm(response(window, i * step)));
-      const auto difference = [&](int zero, int i) {
-        return power[static_cast<std::size_t>(2 * reach + zero + i)] -
-               power[static_cast<std::size_t>(2 * reach + zero - i)];
-      };
-      int zero = 0;
-      double least = INFINITY, greatest = 0;
-      for (int z = -100; z <= 100; ++z) {
-        double odd = 0;
-        for (int i = 1; i < reach; ++i) odd += std::pow(difference(z, i), 2);
-        if (odd < least) least = odd, zero = z;
-      }
-      for (int i = 1; i < reach; ++i)
-        if (std::abs(difference(zero, i)) > std::abs(greatest)) greatest = difference(zero, i);
-      const double middle = power[static_cast<std::size_t>(2 * reach + zero)];
+      const auto power = [&](double u) { return std::norm(response(window, u)); };
+      double peak = 0, greatest = 0;
+      for (double u = -1; u <= 1; u += 1e-3)
+        if (power(u) > power(peak)) peak = u;
+      for (double u = 0.25; u < 4; u += 0.25)
+        if (const double odd = (power(peak + u) - power(peak - u)) / power(peak);
+            std::abs(odd) > std::abs(greatest))
+          greatest = odd;
       for (const Place& place : {fine, Place{0.25, 0.27, 3}}) {
         const auto all = frames(window, place, -35, rng);
         record::Response found;
-        const double true_m = place.range_m + zero * step * place.cell_m;
+        const double true_m = place.range_m + peak * place.cell_m;
         const WindowFit fit = fit_radar_response(all, place.axis(), true_m, found);
         CAPTURE(window.name, cubic_rad, place.range_m, fit.refusal);
         REQUIRE(found.radar.known());
-        CHECK(std::abs(fit.lopsided.value - greatest / middle) < 0.015);
+        REQUIRE(found.radar.taps.size() == 31);
+        CHECK(std::abs(fit.lopsided.value - greatest) < 0.03);
         CHECK(std::abs(fit.lopsided.value) > 4 * fit.lopsided.standard_error);
-        const Peak peak = fit_echo(all, place.axis(), {true_m, 2 * place.cell_m}, fit.window);
-        CHECK(peak.refusal == "");
-        CHECK(std::abs(peak.range_m - true_m) < 0.015 * place.cell_m);
-        for (int k = 0; k < 16; ++k) {
-          const double even = (power[static_cast<std::size_t>(2 * reach + zero + 25 * k)] +
-                               power[static_cast<std::size_t>(2 * reach + zero - 25 * k)]) /
-                              2 / middle;
-          CHECK(found.radar.taps[static_cast<std::size_t>(k)] == Approx(even).margin(0.03));
-        }
+        const Peak echo = fit_echo(all, place.axis(), {true_m, 2 * place.cell_m}, fit.window);
+        CHECK(echo.refusal == "");
+        CHECK(std::abs(echo.range_m - true_m) < 0.03 * place.cell_m);
+        for (int k = -15; k <= 15; ++k)
+          CHECK(found.radar.taps[static_cast<std::size_t>(k + 15)] ==
+                Approx(power(peak + k / 4.) / power(peak)).margin(0.05));
+        CHECK(record::response_of(found.meta()).radar.peak() == 15);
       }
     }
 }
@@ -310,6 +297,17 @@ TEST_CASE(
        {"", "1", "1 0.5", "0.9 0.5 0.1", "1 x 0.1", "1 0.5 -0.1", "1 0.5 nan", "1 0.5 0.1 +- x"})
     CHECK_FALSE(record::response_of({{"radar_cell_m", "0.5"}, {"radar_taps", taps}}).radar.known());
   CHECK_FALSE(record::response_of({{"radar_taps", "1 0.5 0.1"}}).radar.known());
+  const auto with_taps = [](const char* taps) {
+    return record::response_of({{"radar_taps", taps}, {"radar_cell_m", "0.5"}}).radar;
+  };
+  const record::RadarResponse lopsided = with_taps("0 0.25 1 0.5 0.1");
+  CHECK(lopsided.peak() == 2);
+  CHECK(lopsided.power(-0.125) == Approx(0.25));
+  CHECK(lopsided.power(0.125) == Approx(0.5));
+  CHECK(lopsided.power(-0.4) == 0);
+  CHECK(lopsided.power(0.25) == Approx(0.1));
+  CHECK(with_taps("1 1.02 0.5").peak() == 0);
+  CHECK_FALSE(with_taps("0.2 0.9 0.5").known());
   // Cubic interpolation of the square roots of the taps approximates a sinc.
   record::RadarResponse sinc{2, {}};
   for (int k = 0; k < 24; ++k)

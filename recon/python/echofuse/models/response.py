@@ -21,24 +21,33 @@ class Response:
     """Radar response: relative power at each distance from the peak."""
 
     cell_m: float
-    taps: tuple[float, ...]  # relative power, from the peak outwards
+    # relative power towards larger ranges; the response is symmetric if the first tap is the peak
+    taps: tuple[float, ...]
 
     def power(self, distance_m: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Returns the power at a distance from the peak (Catmull-Rom spline of the amplitude)."""
+        """Returns the power at a signed distance from the peak (Catmull-Rom spline of the
+        amplitude)."""
+        peak = 0 if abs(self.taps[0] - 1) < 1e-3 else int(np.argmax(self.taps))
+        both = self.taps if peak else (*self.taps[:0:-1], *self.taps)
+        peak = peak or len(self.taps) - 1
+        root = np.sqrt(np.array([0, 0, *both, 0, 0]))
+        side = np.where(distance_m < 0, -1, 1)
         place = abs(distance_m) / self.cell_m * TAPS_PER_CELL
         whole = np.floor(place).astype(int)
         t = place - whole
-        root = np.sqrt(np.array([*self.taps, 0, 0]))
-        a, b, c, d = (root[np.minimum(abs(whole + k), len(self.taps))] for k in (-1, 0, 1, 2))
+        a, b, c, d = (root[np.clip(peak + 2 + side * (whole + k), 0, len(root) - 1)]
+                      for k in (-1, 0, 1, 2))
         amplitude = b + t / 2 * (c - a + t * (2 * a - 5 * b + 4 * c - d + t
                                               * (3 * (b - c) + d - a)))
-        return np.asarray(np.where(place < len(self.taps), amplitude, 0) ** 2, float)
+        reach = np.where(side < 0, peak + 1, len(both) - peak)
+        return np.asarray(np.where(place < reach, amplitude, 0) ** 2, float)
 
     def width_m(self) -> float:
         """Returns the full width of the response at half maximum, m."""
         step_m = self.cell_m / TAPS_PER_CELL / 64
-        return float(2 * step_m
-                     * np.argmax(self.power(step_m * np.arange(64 * (len(self.taps) + 1))) <= .5))
+        distance_m = step_m * np.arange(64 * (len(self.taps) + 1))
+        return float(step_m * sum(np.argmax(self.power(side * distance_m) <= .5)
+                                  for side in (-1, 1)))
 
 
 def stated_in(meta: Mapping[str, str]) -> Response | None:
@@ -56,9 +65,9 @@ def filter_between(own: Response, target: Response, step_m: float) -> NDArray[np
     reach = int(np.clip(np.ceil(REACH_CELLS * max(own.cell_m, target.cell_m) / step_m), 1,
                         MAX_REACH))
     at_m = np.arange(-2 * PARTS * reach, 2 * PARTS * reach + 1) / PARTS * step_m
-    responses = own.power(at_m[:, None] - np.arange(-reach, reach + 1) * step_m)
+    responses = own.power(np.arange(-reach, reach + 1) * step_m - at_m[:, None])
     square = responses.T @ responses / PARTS + NOISE_TO_SIGNAL * np.eye(2 * reach + 1)
-    return np.linalg.solve(square, responses.T @ target.power(at_m) / PARTS)
+    return np.linalg.solve(square, responses.T @ target.power(-at_m) / PARTS)
 
 
 def filtered(table: NDArray[np.float32], weights: NDArray[np.float64]) -> NDArray[np.float32]:
