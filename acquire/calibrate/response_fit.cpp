@@ -282,7 +282,10 @@ class EchoFit {
       for (const double rad : {1.5, 4., 8.})
         for (const double side : {-1., 1.}) try_from(start_of(0, side * rad, a, b));
     add_terms();
-    if (misfit() > most_misfit || cost_of(even) <= cost_of(best) + least_gain) best = even;
+    // The assumed error of the firmware's arithmetic is an upper bound. If the points scatter less,
+    // a smaller reduction of chi2 is significant.
+    const double gain = least_gain * std::clamp(scatter(), 0.5, 1.);
+    if (misfit() > most_misfit || even.chi2 <= best.chi2 + gain) best = even;
   }
   bool of_one_point() const {
     constexpr double most_off = 0.05;
@@ -290,9 +293,7 @@ class EchoFit {
         (problem_.measured - problem_.model(best.parameters)).cwiseAbs() - 4 * errors_;
     return off.head(count_).maxCoeff() < most_off;
   }
-  double misfit() const {
-    return std::max(1., best.chi2 / static_cast<double>(count_ + 3 - best.parameters.size()));
-  }
+  double misfit() const { return std::max(1., scatter()); }
   static Window window_of(const VectorXd& p) {
     return {{p.begin() + terms, p.end()}, p[adding], p[skew]};
   }
@@ -300,6 +301,11 @@ class EchoFit {
   Fitted best;
 
  private:
+  // chi2 per degree of freedom
+  double scatter() const {
+    return best.chi2 / static_cast<double>(count_ + 3 - best.parameters.size());
+  }
+
   static constexpr double reach_cells = 5, least_error = 1e-3, least_gain = 9;
   // Error of the firmware's arithmetic, as log2 of the power.
   static constexpr double model_error = 0.02;

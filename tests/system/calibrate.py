@@ -219,8 +219,7 @@ class Calibrate(unittest.TestCase):
         for flanks, higher in (powers, "far"), (powers[::-1], "near"):
             peak = flanks.index("1.00000")
             taps = f"radar_taps={' '.join(flanks)}"
-            delay_ps = 2 * 2e12 / 299792458
-            sets = ["reflector_before=each", "radar_bias_m=2", taps, f"spd_delay_ps={delay_ps}"]
+            sets = ["reflector_before=each", "reflector_z_m=3", taps]
             stored = self.dir / f"{higher}.toml"
             done = self.lab("calibrate", "--config", self.dir / "lab/lab.toml", "--json",
                             "--repeat", "4", "--distance", "3", "--window", "0.6", "--reflector",
