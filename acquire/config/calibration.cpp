@@ -161,11 +161,7 @@ Calibration read_calibration(const std::string& path) {
   settings.read_file(path);
   std::erase_if(stated, [](const auto& pair) { return pair.second.empty(); });
   out.response = record::response_of(stated);
-  const auto kept = out.response.meta();
-  const auto is_kept = [&](const auto& pair) {
-    return std::ranges::any_of(kept, [&](const auto& k) { return k.first == pair.first; });
-  };
-  if (!std::ranges::all_of(stated, is_kept))
+  if (!record::is_response(stated))
     throw Error(ExitCode::config, path +
                                       ": section response: expected the numbers that `calibrate` "
                                       "writes (radar_taps: 3 to 64 numbers with a peak of 1)");

@@ -29,10 +29,14 @@ std::vector<std::pair<std::string, std::string>> stated(const ArraySettings& s) 
   std::vector<std::pair<std::string, std::string>> given;
   if (s.irf_fwhm_ps > 0)
     given = {{"irf_fwhm_ps", shortest_text(s.irf_fwhm_ps)}, {"irf_tail_ps", "0"}};
-  if (s.radar_cell_m > 0 && !s.radar_taps.empty()) {
+  if (!s.radar_taps.empty()) {
     given.emplace_back("radar_cell_m", shortest_text(s.radar_cell_m));
     given.emplace_back("radar_taps", s.radar_taps);
   }
+  if (!record::is_response(given))
+    throw Error(ExitCode::config,
+                "radar.taps: expected 3 to 64 numbers from 0 to 1.05 with a peak of 1, and "
+                "radar.cell_m above 0");
   auto known = record::response_of(given).meta();
   for (auto& [key, text] : known)
     for (const auto& [name, as_given] : given)

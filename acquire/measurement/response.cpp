@@ -134,6 +134,13 @@ Response response_of(const std::vector<std::pair<std::string, std::string>>& met
   return out;
 }
 
+bool is_response(const std::vector<std::pair<std::string, std::string>>& entries) {
+  const auto known = response_of(entries).meta();
+  return std::ranges::all_of(entries, [&](const auto& entry) {
+    return std::ranges::any_of(known, [&](const auto& k) { return k.first == entry.first; });
+  });
+}
+
 std::vector<std::pair<std::string, std::string>> RadarMounting::meta() const {
   return {{baseline_key, to_text({baseline_m, 0})}, {tolerance_key, to_text({tolerance_m, 0})}};
 }

@@ -68,7 +68,9 @@ std::string new_run(const std::string& out) {
   if (const std::string fault = bad_field(out); !fault.empty())
     throw Error(ExitCode::usage, "--out " + printable(out) + ": " + fault);
   const std::string name = with_date(out);
-  if (name.empty()) throw Error(ExitCode::usage, "--out " + out + ": not a valid name");
+  const fs::path last = fs::path(name).filename();
+  if (last.empty() || last == "." || last == "..")
+    throw Error(ExitCode::usage, "--out " + printable(out) + ": expected the name of a run file");
   return fs::absolute(with_run_extension(name)).string();
 }
 

@@ -2,7 +2,9 @@
 """Records runs and imports arrays with the program echofuse-acquire."""
 from __future__ import annotations
 
+import errno
 import json
+import math
 import os
 import pathlib
 import re
@@ -46,17 +48,21 @@ def toml(value: Any) -> str:
 
 
 def label_of(value: Any) -> str:
-    """Returns a label as text; None becomes "". Raises ValueError if it is neither text nor a
+    """Returns a label as text; None and NaN become "". Raises ValueError if it is neither text nor a
     number."""
     value = value.tolist() if hasattr(value, "tolist") else value
-    if value is None or isinstance(value, (str, int, float)):
-        return "" if value is None else str(value)
+    if value is None or value != value:
+        return ""
+    if isinstance(value, (str, int, float)):
+        return str(value)
     raise ValueError(f"labels: {value!r} (expected text or a number)")
 
 
 def new_path(out: Path) -> pathlib.Path:
     """Returns the absolute path of a new run file, with its suffix. No part of the name is
-    expanded."""
+    expanded. Raises ValueError if the path names a folder."""
+    if os.path.basename(os.fspath(out)) in ("", ".", ".."):
+        raise ValueError(f"{os.fspath(out)!r}: expected the name of a run file")
     path = pathlib.Path(out).absolute()
     return path if path.suffix == ".sqlite" else path.with_name(f"{path.name}.sqlite")
 
@@ -73,6 +79,8 @@ def annotate(run: runs.Run | Path, text: str | None = None, *, label: Any = None
     if (text is None) == (label is None):
         raise ValueError("annotate: expected either `text` or `label`")
     path = run.path if isinstance(run, runs.Run) else pathlib.Path(run).absolute()
+    if isinstance(run, runs.Run):
+        run.events()  # checks that the file still contains this run
     call(acquire_program(program), "annotate", path,
          *(["--", text] if label is None else [f"--label={label_of(label)}"]))
 
@@ -139,6 +147,8 @@ def write_run(path: Path, *, spd: ArrayLike | None = None, first_bin_ps: float =
     width and height of the maps; 0: the size of square images of 3 to 256 pixels, otherwise 64 with
     a warning. began: start of the run, UTC. label, labels: text or numbers. signal: limits of the
     verdicts, as in lab.toml."""
+    if isinstance(labels, (str, bytes)):
+        raise ValueError("labels: expected one label per record; use `label` for the whole run")
     given = {"spd": spd, "radar": radar, "array": array, "depth_m": depth_m}
     tables = {name: plain(name, values) for name, values in given.items() if values is not None}
     depth, in_mm = tables.pop("depth_m", (np.zeros(0), False))
@@ -190,9 +200,11 @@ def plain(name: str, values: Any) -> tuple[NDArray[Any], bool]:
             table[~masked] = numbers
     except (TypeError, ValueError) as error:
         raise ValueError(f"{name}: expected an array of numbers: {error}") from None
+    if not table.ndim or table.dtype.kind not in "biuf":
+        raise ValueError(f"{name}: expected an array of numbers, not {table.dtype} {table.shape}")
     is_integer = table.dtype.kind in "biu"
     if masked.any():
-        rows = masked.reshape(len(masked), -1)
+        rows = masked.reshape(len(masked), math.prod(masked.shape[1:]))
         partly = np.flatnonzero(rows.any(1) & ~rows.all(1))
         if name not in ("depth", "depth_m", "maps") and partly.size:
             raise ValueError(f"{name}: row {partly[0]} is masked in part; expected a whole row")
@@ -210,6 +222,8 @@ def import_arrays(out: Path, sections: dict[str, dict[str, Any]], arrays: dict[s
     text = "".join((f"[{name}]\n" if name else "")
                    + "".join(f"{key} = {toml(value)}\n" for key, value in keys.items())
                    for name, keys in sections.items())
+    if not new_path(out).parent.is_dir():
+        raise FileNotFoundError(errno.ENOENT, "no such folder", str(new_path(out).parent))
     with tempfile.TemporaryDirectory(prefix="echofuse-", dir=new_path(out).parent) as folder:
         pathlib.Path(folder, "run.toml").write_text(text, encoding="utf-8")
         for name, table in arrays.items():
