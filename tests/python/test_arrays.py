@@ -72,6 +72,10 @@ def test_masked_pixels_of_depth_images_have_no_return(tmp_path):
     ("spd: expected an array of numbers", {"spd": [[1, 2], [3]]}),
     ("zones: contains masked values", {"spd": np.ones((3, 1, 5)), "zones": [np.ma.masked_equal([0, 0, 1], 1)]}),
     ("labels: b'a' (expected text or a number)", {"spd": np.ones((1, 5)), "labels": [b"a"]}),
+    ("labels: expected one label per record", {"spd": np.ones((3, 5)), "labels": "abc"}),
+    *((f"spd: expected an array of numbers, not {kind}", {"spd": table}) for kind, table in (
+        ("complex128 (3, 5)", np.ones((3, 5), complex)), ("<U3 (3, 5)", np.ones((3, 5)).astype("U3")),
+        ("timedelta64[s] (3, 5)", np.ones((3, 5), "m8[s]")), ("float64 ()", 3.0), ("float64 ()", np.ma.masked))),
 ])
 def test_write_run_refuses_arguments_that_are_not_arrays_of_numbers(tmp_path, said, arrays):
     with pytest.raises(ValueError) as refused:
@@ -90,6 +94,37 @@ def test_labels_may_be_numbers_and_contain_any_character(tmp_path, given, stored
 def test_write_run_uses_a_name_as_given(tmp_path, monkeypatch, name):
     monkeypatch.chdir(tmp_path)
     assert len(write(name, spd=np.ones((3, 5)))) == 3 and [path.name for path in tmp_path.iterdir()] == [f"{name}.sqlite"]
+
+
+@pytest.mark.parametrize("name", ["", ".", "..", "d/"])
+def test_write_run_refuses_the_name_of_a_folder(tmp_path, monkeypatch, name):
+    (tmp_path / "d").mkdir()
+    monkeypatch.chdir(tmp_path / "d")
+    with pytest.raises(ValueError, match="expected the name of a run file"):
+        write(name, spd=np.ones((3, 5)))
+    if name:
+        done = subprocess.run([ACQUIRE, "import", tmp_path / "d", "--out", name], capture_output=True, text=True, check=False)
+        assert done.returncode == 2 and "expected the name of a run file" in done.stderr
+    with pytest.raises(FileNotFoundError, match="no such folder: '.*/missing'"):
+        write(tmp_path / "missing/x", spd=np.ones((3, 5)))
+    assert not list((tmp_path / "d").iterdir()) and len(list(tmp_path.iterdir())) == 1
+
+
+def test_annotate_refuses_a_run_that_has_been_replaced(tmp_path):
+    run = write(tmp_path / "own", spd=np.ones((3, 5)))
+    (tmp_path / "own.sqlite").unlink()
+    write(tmp_path / "own", spd=np.ones((3, 5)))
+    with pytest.raises(ValueError, match="contains another run"):
+        echofuse.annotate(run, "late", program=ACQUIRE)
+    assert "late" not in str(echofuse.open(run.path).events())
+
+
+def test_rows_of_a_run_have_one_dimension(tmp_path):
+    run = write(tmp_path / "own", spd=np.arange(15).reshape(3, 5))
+    for rows in ([[0, 1], [1, 2]], np.array(1)):
+        with pytest.raises(IndexError, match="expected a slice, a mask or a list"):
+            run[rows]
+    assert run[np.int64(1)].spd[0] == 5
 
 
 @pytest.mark.parametrize("size", [(8, 6), (2, 2), (300, 300)])
@@ -117,7 +152,9 @@ def test_images_that_are_resampled_to_maps_of_64_pixels_are_named(tmp_path, size
     ("\"1.0\"; expected at most 12 strings", {"radar": np.ones((3, 5)), "antennas": [(1,)]}),
     ("exceeds 32 bits", {"spd": np.full((3, 5), 2.0 ** 33)}),
     ("expected finite power", {"radar": np.array([[1, np.inf, 1]])}),
-    ("expected little-endian numbers", {"spd": np.ones((3, 5), complex)}),
+    ("radar.taps: expected 3 to 64 numbers", {"radar": np.ones((3, 5)), "radar_cell_m": 0.25, "radar_taps": [1, np.nan, 1]}),
+    ("radar.taps: expected 3 to 64 numbers", {"radar": np.ones((3, 5)), "radar_cell_m": 0.25, "radar_taps": [1, 2]}),
+    ("radar.cell_m above 0", {"radar": np.ones((3, 5)), "radar_taps": [1, 0.5, 0.1]}),
     ("2 labels, but there are 3 records", {"spd": np.ones((3, 5)), "labels": ["a", "b"]}),
     ("cannot be read: record 9999: its slot", {"spd": np.ones((10000, 5)), "window_s": 1e6}),
     ("expected 0 to 65.5 m", {"spd": np.ones((3, 5)), "depth_m": np.full((3, 16, 16), 2900.0)}),
@@ -317,6 +354,8 @@ def test_split_uses_the_sensors_of_the_run_and_names_missing_data_if_no_record_r
     ("index: float64 [2] (expected 2 record indices)", np.ones((2, 4, 4)), [1, np.nan]),
     ("has no record 12", np.ones((2, 4, 4)), [3, 12]),
     ("depth_m: shape [4, 4] (expected [n, N, N])", np.ones((4, 4)), [3]),
+    ("expected metres, not millimetres", np.full((2, 4, 4), 3000), [1, 2]),
+    ("has an impossible depth: inf m", np.full((2, 4, 4), np.inf), [1, 2]),
 ])
 def test_save_maps_refuses_wrong_record_indices(tmp_path, said, maps, index):
     run = write(tmp_path / "own", **scene())

@@ -126,6 +126,9 @@ def test_loaded_model_describes_its_inputs_and_accepts_arrays(runs, tmp_path):
         model.predict(spd=run.photons()[:, :3], radar=run.power())
     with pytest.raises(ValueError, match="the same number of records in both"):
         model.predict(spd=run.photons()[:7], radar=run.power())
+    with pytest.raises(ValueError, match="a run or arrays, not both"):
+        model.predict(run, spd=run.photons())
+    assert len(model.predict(spd=run.photons()[:0], radar=run.power()[:0]).depth_m) == 0
     spd = run.photons()
     for value in np.nan, -50:
         spd[7, 3] = value

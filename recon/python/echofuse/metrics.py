@@ -88,6 +88,8 @@ class Scene:
     def of_maps(cls, maps: ArrayLike, half_tangent: float = 0.55, far_m: float = 6.0) -> Scene:
         """Learns the scene from training maps [n, N, N], n >= 1 (recon/metrics/scene_model.cpp)."""
         table = pixels(maps)
+        if not len(table):
+            raise ValueError("maps: expected at least one map")
         sample = table[::max(1, len(table) // 1000)]
         background = np.partition(sample, len(sample) // 2, axis=0)[len(sample) // 2]
         background[5 * np.count_nonzero(table <= 0, axis=0) >= len(table)] = 0

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..metrics import pixels
 from ..runs.acquire import plain
 from ..runs.run_files import printable
 from ..runs.staged import replaced
@@ -50,6 +51,7 @@ def save_maps(folder: str | pathlib.Path, depth_m: ArrayLike, index: ArrayLike,
     folder, indices = pathlib.Path(folder), np.asarray(index)
     maps = plain("maps", depth_m)[0]
     require_indices(maps, indices, run)
+    pixels(maps)  # checks the depths
     folder.mkdir(parents=True, exist_ok=True)
     if run is not None:
         origin = origin_of(run)

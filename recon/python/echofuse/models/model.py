@@ -4,6 +4,7 @@ estimator for which all required sensors are valid in this record."""
 from __future__ import annotations
 
 import json
+import math
 import pathlib
 import struct
 from collections.abc import Sequence
@@ -98,7 +99,7 @@ class Estimator:
         if self.kind in ("factorised", "mean-shape"):
             maps = Method(self.t, self.f).predict(counts, power, lags, zones)
         else:
-            spd = zones.reshape(len(zones), -1) if zones.shape[1] else counts
+            spd = zones.reshape(len(zones), math.prod(zones.shape[1:])) if zones.shape[1] else counts
             maps = baselines.predict(self.t, self.f, spd, power)
         return maps.reshape(-1, self.size, self.size)
 
@@ -120,7 +121,7 @@ class Arrays:
                             else "none, because the model has no such axis")
                 raise ValueError(f"{name}: shape {list(table.shape)} (expected {expected})")
             valid = np.isfinite(table) & (table >= (0 if name == "spd" else -np.inf))
-            if bad := np.flatnonzero(~valid.reshape(len(table), -1).all(1)).tolist():
+            if bad := np.flatnonzero(~valid.all(tuple(range(1, valid.ndim)))).tolist():
                 raise ValueError(f"{name}: row {bad[0]} contains a non-finite value or a negative "
                                  f"count; remove {len(bad)} of {len(table)} rows")
         if len({len(table) for table in given.values()}) != 1:
@@ -244,6 +245,8 @@ class Model:
         the axes of the arrays (default: Model.axes). `range_offset_m` is a radar range bias in
         metres, which is subtracted in addition to the calibrated offset of the run. Raises
         ValueError if the axes are incompatible."""
+        if run is not None and any(given is not None for given in (spd, radar, lags, axes)):
+            raise ValueError("predict: expected a run or arrays, not both")
         if run is None:
             return self._maps(Arrays(self.axes | (axes or {}), spd, radar, lags), range_offset_m)
         return self._maps(run if isinstance(run, runs.Run) else runs.open(run), range_offset_m)

@@ -312,7 +312,8 @@ def guard(db: sqlite3.Connection, path: pathlib.Path) -> None:
 
 def meta_of(path: pathlib.Path, text: Any) -> dict[str, str]:
     try:
-        if isinstance(meta := json.loads(text), dict):
+        if isinstance(meta := json.loads(text), dict) and all(
+                isinstance(value, str) for value in meta.values()):
             meta.pop(WAL_KEY, None)
             return meta
     except (TypeError, ValueError, RecursionError):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import pathlib
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from .programs import call
 from .run import Run
+from .run import open as open_run
 
 __all__ = ["Split", "split", "usual_inputs"]
 
@@ -31,7 +33,7 @@ def usual_inputs(run: Run) -> str:
     return ranging[0] if len(ranging) == 1 else "fused"
 
 
-def split(run: Run, kind: str = "random", seed: int = 1, *, inputs: str | None = None,
+def split(run: Run | str | pathlib.Path, kind: str = "random", seed: int = 1, *, inputs: str | None = None,
           test_share: float = 0.1, validation_share: float = 0.05, gap: int = 0,
           doubtful: str = "leave", lossy: str = "take") -> Split:
     """Returns the split computed by `echofuse-recon rows`. The split excludes incomplete records,
@@ -39,6 +41,7 @@ def split(run: Run, kind: str = "random", seed: int = 1, *, inputs: str | None =
     only if `lossy` is "leave". kind: "random", or "blocked" for sequences of similar records.
     inputs: required sensors, "fused", "spd" or "radar" (default: the sensors of the run). Raises
     RuntimeError with the program's error message if the program fails."""
+    run = run if isinstance(run, Run) else open_run(run)
     inputs = inputs or usual_inputs(run)
     settings = {"test_share": test_share, "validation_share": validation_share, "gap": gap,
                 "doubtful": doubtful, "lossy": lossy}
