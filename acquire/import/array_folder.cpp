@@ -91,8 +91,9 @@ void bind(Settings& settings, ArraySettings& s) {
   settings.add("radar.step_m", s.step_m, 1e-6, 1e4, "distance between points");
   settings.add("radar.cell_m", s.radar_cell_m, 0, 1e3,
                "range resolution c / 2B; 0: response unknown");
-  settings.add("radar.taps", s.radar_taps,
-               "power in steps of 1/4 cell; the peak is 1, and comes first if the flanks are equal");
+  settings.add(
+      "radar.taps", s.radar_taps,
+      "power in steps of 1/4 cell; the peak is 1, and comes first if the flanks are equal");
   settings.add(
       "radar.antennas", s.antennas,
       "antennas of array.npy: x and y in half wavelengths, optionally gain and phase in rad");

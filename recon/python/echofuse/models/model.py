@@ -99,7 +99,9 @@ class Estimator:
         if self.kind in ("factorised", "mean-shape"):
             maps = Method(self.t, self.f).predict(counts, power, lags, zones)
         else:
-            spd = zones.reshape(len(zones), math.prod(zones.shape[1:])) if zones.shape[1] else counts
+            spd = counts
+            if zones.shape[1]:
+                spd = zones.reshape(len(zones), math.prod(zones.shape[1:]))
             maps = baselines.predict(self.t, self.f, spd, power)
         return maps.reshape(-1, self.size, self.size)
 

@@ -48,8 +48,8 @@ def toml(value: Any) -> str:
 
 
 def label_of(value: Any) -> str:
-    """Returns a label as text; None and NaN become "". Raises ValueError if it is neither text nor a
-    number."""
+    """Returns a label as text; None and NaN become "". Raises ValueError if it is neither text
+    nor a number."""
     value = value.tolist() if hasattr(value, "tolist") else value
     if value is None or value != value:
         return ""

@@ -73,7 +73,8 @@ def rows_of(count: int, rows: Any) -> NDArray[np.int64]:
     if isinstance(selected, np.ndarray) and not selected.size:
         selected = selected.astype(int)  # NumPy converts an empty list to floats
     if isinstance(selected, np.ndarray) and selected.ndim != 1:
-        raise IndexError(f"expected a slice, a mask or a list of rows, not {selected.ndim} dimensions")
+        raise IndexError("expected a slice, a mask or a list of rows, not an array of "
+                         f"{selected.ndim} dimensions")
     return np.asarray(np.arange(count)[selected])
 
 

@@ -33,9 +33,9 @@ def usual_inputs(run: Run) -> str:
     return ranging[0] if len(ranging) == 1 else "fused"
 
 
-def split(run: Run | str | pathlib.Path, kind: str = "random", seed: int = 1, *, inputs: str | None = None,
-          test_share: float = 0.1, validation_share: float = 0.05, gap: int = 0,
-          doubtful: str = "leave", lossy: str = "take") -> Split:
+def split(run: Run | str | pathlib.Path, kind: str = "random", seed: int = 1, *,
+          inputs: str | None = None, test_share: float = 0.1, validation_share: float = 0.05,
+          gap: int = 0, doubtful: str = "leave", lossy: str = "take") -> Split:
     """Returns the split computed by `echofuse-recon rows`. The split excludes incomplete records,
     records with a dead sensor and, unless `doubtful` is "take", doubtful records; lossy records
     only if `lossy` is "leave". kind: "random", or "blocked" for sequences of similar records.
