@@ -120,10 +120,13 @@ def test_annotate_refuses_a_run_that_has_been_replaced(tmp_path):
 
 
 def test_rows_of_a_run_have_one_dimension(tmp_path):
-    run = write(tmp_path / "own", spd=np.arange(15).reshape(3, 5))
+    run = write(tmp_path / "own", spd=np.arange(15).reshape(3, 5), depth_m=np.full((3, 16, 16), 2.))
     for rows in ([[0, 1], [1, 2]], np.array(1)):
         with pytest.raises(IndexError, match="expected a slice, a mask or a list"):
             run[rows]
+    for wrong in (lambda: run.maps([3]), lambda: run.map_of(3), lambda: run.depth_mm(3), lambda: run.maps([True])):
+        with pytest.raises(IndexError, match="out of bounds|did not match"):
+            wrong()
     assert run[np.int64(1)].spd[0] == 5
 
 

@@ -9,6 +9,8 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from .grid import RowsError
+
 __all__ = ["errors_with_path"]
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -24,6 +26,8 @@ def errors_with_path(read: F) -> F:
         try:
             with np.errstate(all="ignore"):
                 return read(self, *values, **more)
+        except RowsError:
+            raise
         except FAULTS as error:
             if isinstance(error, ValueError) and str(self.path) in str(error):
                 raise
