@@ -195,8 +195,13 @@ class Appender {
     double log_chance = 0;
     for (auto n = values.begin(); n < values.end() && log_chance > most_log_chance; ++n)
       if (*n > 0) log_chance -= std::log(4 * M_PI * double{*n}) / 2;
-    const bool known = clicks - background >= least_clicks && log_chance <= most_log_chance;
-    return known ? hash_of_words(counts) : 0;
+    if (clicks - background < least_clicks || log_chance > most_log_chance) return 0;
+    // Counts that have been multiplied by an integer have the hash of the original counts.
+    const std::uint32_t unit = std::accumulate(counts.begin(), counts.end(), 0u,
+                                               [](auto a, auto n) { return std::gcd(a, n); });
+    std::vector<std::uint32_t> units(counts.begin(), counts.end());
+    for (std::uint32_t& n : units) n /= unit;
+    return hash_of_words(units);
   }
   // Computes a variant of the FNV-1a hash that processes 32-bit words instead of bytes.
   template <class Words>

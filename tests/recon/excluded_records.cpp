@@ -254,10 +254,12 @@ TEST_CASE(
   const auto change = [](const std::string& how, FusedRecord& r) {
     if (how == "scaled")
       for (float& power : power(r)) power *= 2;
+    if (how == "tripled")
+      for (std::uint32_t& count : counts(r)) count *= 3;
     if (how == "dropped") r.valid.erase(Sensor::radar), power(r).clear();
     if (how == "label") r.label = "other";
   };
-  for (const std::string how : {"scaled", "dropped", "label"}) {
+  for (const std::string how : {"scaled", "tripled", "dropped", "label"}) {
     CAPTURE(how);
     a_run(60, 1, [&](FusedRecord& r) { change(how, r); }).write(dir / how);
     CHECK(load({dir / how}).content == load({dir / "a"}).content);
