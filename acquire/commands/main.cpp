@@ -139,17 +139,8 @@ ExitCode code_of(const std::function<ExitCode()>& body, std::exception_ptr& fail
   }
 }
 
-ExitCode run(Options& o) {
-  std::optional<TemporaryFolder> thrown_away;
-  if (o.align) {
-    o.assignments.push_back("run.window_s=0.1");
-    o.run.out = thrown_away.emplace().path() + "/align";
-    o.view = true;
-  }
-  if (!o.model.empty() && !o.view) throw Error(ExitCode::usage, "--model requires --view");
-  if (!o.model.empty() && !std::filesystem::exists(o.model))
-    throw Error(ExitCode::usage, "--model " + o.model + ": no such file");
-  const Config config = load(o);
+// Checks the entries of --meta and adds them to the run.
+void take_meta(Options& o) {
   for (const auto& pair : o.meta) {
     const auto equals = pair.find('=');
     if (equals == 0 || equals == std::string::npos)
@@ -162,6 +153,28 @@ ExitCode run(Options& o) {
       if (before == key) throw Error(ExitCode::usage, "--meta " + key + ": given twice");
     o.run.meta.emplace_back(key, pair.substr(equals + 1));
   }
+  auto response = o.run.meta;
+  std::erase_if(response, [](const auto& entry) {
+    return std::ranges::find(record::response_keys, entry.first) == std::end(record::response_keys);
+  });
+  if (!record::is_response(response))
+    throw Error(ExitCode::usage,
+                "--meta: expected a response as `calibrate` prints it: irf_fwhm_ps above 0; "
+                "radar_cell_m above 0 with radar_taps, 3 to 64 numbers with a peak of 1");
+}
+
+ExitCode run(Options& o) {
+  std::optional<TemporaryFolder> thrown_away;
+  if (o.align) {
+    o.assignments.push_back("run.window_s=0.1");
+    o.run.out = thrown_away.emplace().path() + "/align";
+    o.view = true;
+  }
+  if (!o.model.empty() && !o.view) throw Error(ExitCode::usage, "--model requires --view");
+  if (!o.model.empty() && !std::filesystem::exists(o.model))
+    throw Error(ExitCode::usage, "--model " + o.model + ": no such file");
+  const Config config = load(o);
+  take_meta(o);
   plan_count(o, config);
   const bool rotates = o.run.slots_a_file > 0;
   o.run.next_out = [&config, out = o.run.out, rotates] { return path_of(out, rotates, config); };

@@ -186,6 +186,9 @@ TEST_CASE("the run command refuses a read-only folder, and metadata that have no
   const std::string config = " --config " + folder / "lab.toml";
   refuses("run --out " + folder / "a" + config + " --meta room", 2,
           "--meta room: expected key=value");
+  for (const char* response : {"irf_fwhm_ps=abc", "irf_fwhm_ps=-3", "radar_taps=1 1 1"})
+    refuses("run --out " + folder / "a" + config + " --meta '" + response + "'", 2,
+            "--meta: expected a response");
   refuses("run --out " + folder / "a" + config + " --meta a=1 --meta b=1 --meta a=2", 2,
           "--meta a: given twice");
   for (const char* key :
