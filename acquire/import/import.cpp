@@ -76,6 +76,7 @@ class RecordedDevice final : public Driver {
 };
 
 void take_cfg(Config& config, const std::string& recording, const std::string& cfg) {
+  RegularFile(recording, ExitCode::failed);  // throws if the recording does not exist
   const std::string adjacent = fs::path(recording).replace_extension(".cfg").string();
   const std::string path =
       cfg.empty() && fs::exists(adjacent) ? adjacent : here_or_installed(cfg).string();
@@ -85,6 +86,8 @@ void take_cfg(Config& config, const std::string& recording, const std::string& c
   } else {
     config.radar.cfg_name = path;
     config.radar.cfg_text = RegularFile(path, ExitCode::config).rest<std::string>(1 << 20);
+    if (config.radar.cfg_text.empty())
+      throw Error(ExitCode::config, printable(path) + ": is empty; expected the board's .cfg");
   }
   if (config.radar.cfg_text.empty())
     throw Error(ExitCode::config, printable(recording) +

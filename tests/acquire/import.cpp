@@ -354,6 +354,7 @@ TEST_CASE("import refuses an invalid recording with a one-line message") {
   refuses("a.ptu", 1, "does not begin with PQTTTR");
   refuses("b.ptu", 1, "the header is not terminated");
   refuses("a.dat", 3, "the board's .cfg is missing");
+  refuses("none.dat", 1, "none.dat: cannot read: No such file");
   write_file(folder / "a.phu", "");
   refuses("a.phu", 2, "convert the histograms with echofuse.write_run");
   refuses("a.ttbin", 2, "only the Time Tagger library can read .ttbin");
