@@ -153,11 +153,7 @@ void take_meta(Options& o) {
       if (before == key) throw Error(ExitCode::usage, "--meta " + key + ": given twice");
     o.run.meta.emplace_back(key, pair.substr(equals + 1));
   }
-  auto response = o.run.meta;
-  std::erase_if(response, [](const auto& entry) {
-    return std::ranges::find(record::response_keys, entry.first) == std::end(record::response_keys);
-  });
-  if (!record::is_response(response))
+  if (!record::is_response(o.run.meta))
     throw Error(ExitCode::usage,
                 "--meta: expected a response as `calibrate` prints it: irf_fwhm_ps above 0; "
                 "radar_cell_m above 0 with radar_taps, 3 to 64 numbers with a peak of 1");

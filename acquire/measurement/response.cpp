@@ -134,10 +134,12 @@ Response response_of(const std::vector<std::pair<std::string, std::string>>& met
   return out;
 }
 
-bool is_response(const std::vector<std::pair<std::string, std::string>>& entries) {
-  const auto known = response_of(entries).meta();
-  return std::ranges::all_of(entries, [&](const auto& entry) {
-    return std::ranges::any_of(known, [&](const auto& k) { return k.first == entry.first; });
+bool is_response(const std::vector<std::pair<std::string, std::string>>& meta) {
+  const auto known = response_of(meta).meta();
+  return std::ranges::all_of(meta, [&](const auto& entry) {
+    const auto is_key = [&](const auto& k) { return k.first == entry.first; };
+    return std::ranges::find(response_keys, entry.first) == std::end(response_keys) ||
+           std::ranges::any_of(known, is_key);
   });
 }
 

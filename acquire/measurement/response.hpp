@@ -69,8 +69,8 @@ struct Response {
 
 // Reads the response from the metadata of a run. Missing or invalid parts remain unknown.
 Response response_of(const std::vector<std::pair<std::string, std::string>>& meta);
-// Returns true if response_of() reads all of these entries.
-bool is_response(const std::vector<std::pair<std::string, std::string>>& entries);
+// Returns true if response_of() reads all entries of the metadata that have one of response_keys.
+bool is_response(const std::vector<std::pair<std::string, std::string>>& meta);
 
 inline constexpr double most_mount_tolerance_m = 0.1;
 
