@@ -58,9 +58,8 @@ void say(const WindowFit& fit) {
   if (std::abs(difference) < std::max(least, least_errors * error)) return;
   std::printf(
       "radar  asymmetric response: the %s flank is higher by up to %.1f +- %.1f %% of the peak; "
-      "both flanks are stored. If this value changes when you move the reflector, there is a "
-      "second "
-      "echo close to it\n",
+      "both flanks are stored. If this value changes when the reflector is moved, there is a "
+      "second echo close to it\n",
       difference > 0 ? "far" : "near", 100 * std::abs(difference), 100 * error);
 }
 

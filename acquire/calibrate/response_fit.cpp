@@ -285,7 +285,7 @@ class EchoFit {
     // The assumed error of the firmware's arithmetic is an upper bound. If the points scatter less,
     // a smaller reduction of chi2 is significant.
     const double gain = least_gain * std::clamp(scatter(), 0.5, 1.);
-    if (misfit() > most_misfit || even.chi2 <= best.chi2 + gain) best = even;
+    if (misfit() > most_misfit || cost_of(even, gain) <= cost_of(best, gain) + gain) best = even;
   }
   bool of_one_point() const {
     constexpr double most_off = 0.05;
@@ -329,8 +329,8 @@ class EchoFit {
     out << static_cast<double>(top_) + off, highest_, 0.5, rad, a, b;
     return out;
   }
-  static double cost_of(const Fitted& f) {
-    return f.chi2 + least_gain * static_cast<double>(f.parameters.size());
+  static double cost_of(const Fitted& f, double gain = least_gain) {
+    return f.chi2 + gain * static_cast<double>(f.parameters.size());
   }
   void try_from(VectorXd start) {
     constexpr double most_rad = 12;

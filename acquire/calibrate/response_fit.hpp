@@ -35,7 +35,8 @@ struct WindowFit {
 // Proc. IEEE 66, 1978) to the powers around the peak, by least squares. The terms a, b, ... are the
 // amplitudes at whole cells. Up to six terms are used; each further term must reduce chi2 by more
 // than 9. A cubic phase error, which makes the flanks unequal, is added if it reduces chi2 by more
-// than 9. The taps then describe both flanks. Range zero is the peak.
+// than 9 times chi2 per degree of freedom (at least 0.5, at most 1). The taps then describe both
+// flanks. Range zero is the peak.
 // Standard errors are derived from the scatter of the frames and the precision of the firmware's
 // arithmetic, and are increased if the fit is poor. Bins in which one flank has more than three
 // times the power of the other flank are excluded, because they contain another echo. Sets the

@@ -236,14 +236,14 @@ TEST_CASE("both flanks of an asymmetric radar response are fitted, and range zer
         CAPTURE(window.name, cubic_rad, place.range_m, fit.refusal);
         REQUIRE(found.radar.known());
         REQUIRE(found.radar.taps.size() == 31);
-        CHECK(std::abs(fit.lopsided.value - greatest) < 0.03);
+        CHECK(std::abs(fit.lopsided.value - greatest) < 0.015);
         CHECK(std::abs(fit.lopsided.value) > 4 * fit.lopsided.standard_error);
         const Peak echo = fit_echo(all, place.axis(), {true_m, 2 * place.cell_m}, fit.window);
         CHECK(echo.refusal == "");
-        CHECK(std::abs(echo.range_m - true_m) < 0.03 * place.cell_m);
+        CHECK(std::abs(echo.range_m - true_m) < 0.015 * place.cell_m);
         for (int k = -15; k <= 15; ++k)
           CHECK(found.radar.taps[static_cast<std::size_t>(k + 15)] ==
-                Approx(power(peak + k / 4.) / power(peak)).margin(0.05));
+                Approx(power(peak + k / 4.) / power(peak)).margin(0.03));
         CHECK(record::response_of(found.meta()).radar.peak() == 15);
       }
     }
