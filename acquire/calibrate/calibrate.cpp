@@ -436,11 +436,17 @@ void announce(const Config& config, const Reflector& reflector, double window_m)
   std::fflush(stdout);
 }
 
-// Returns the options with the reflector distance of the stored calibration, unless it is given.
+// Returns the options with the reflector distance of the stored calibration, unless it is given. A
+// reflector in front of the detector is farther from the radar, and the file states that distance.
 CalibrateOptions with_stored_distance(CalibrateOptions options, const Calibration& stored) {
   if (options.distance_given || !(options.side || options.check)) return options;
-  for (const record::CalibrationEntry& entry : stored.entries)
-    if (entry.sensor == Sensor::spd) options.search.distance_m = entry.distance_m;
+  const auto* entry = stored.find(Sensor::spd);
+  if (!entry) entry = stored.find(Sensor::radar);
+  if (!entry) return options;
+  const bool across = entry->sensor == Sensor::radar && options.mounting == Mounting::detector;
+  const double beside_m = across ? stored.baseline_m : 0;
+  options.search.distance_m =
+      std::sqrt(std::max(0.0, std::pow(entry->distance_m, 2) - std::pow(beside_m, 2)));
   return options;
 }
 
@@ -449,7 +455,7 @@ CalibrateOptions with_stored_distance(CalibrateOptions options, const Calibratio
 ExitCode calibrate(const Config& all, const CalibrateOptions& given, port::Loop& loop) {
   const Config config = with_chosen(all, given);
   const Calibration stored =
-      given.check or given.side ? config.calibration : stored_in(config.calibration_path);
+      given.check || given.side ? config.calibration : stored_in(config.calibration_path);
   const CalibrateOptions options = with_stored_distance(given, stored);
   if ((config.configured() - SensorSet{Sensor::depth}).empty())
     throw Error(ExitCode::config,
