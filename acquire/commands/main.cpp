@@ -26,6 +26,7 @@
 #include "acquire/measurement/response.hpp"
 #include "acquire/record/run_file.hpp"
 #include "acquire/record/run_names.hpp"
+#include "acquire/run/new_run.hpp"
 #include "acquire/run/viewer.hpp"
 #include "drivers/util/command_line.hpp"
 #include "drivers/util/console.hpp"
@@ -139,8 +140,9 @@ ExitCode code_of(const std::function<ExitCode()>& body, std::exception_ptr& fail
   }
 }
 
-// Checks the entries of --meta and adds them to the run.
-void take_meta(Options& o) {
+// Checks the entries of --meta, which take precedence over the configuration, and adds them to the
+// run.
+void take_meta(Options& o, const Config& config) {
   for (const auto& pair : o.meta) {
     const auto equals = pair.find('=');
     if (equals == 0 || equals == std::string::npos)
@@ -153,7 +155,7 @@ void take_meta(Options& o) {
       if (before == key) throw Error(ExitCode::usage, "--meta " + key + ": given twice");
     o.run.meta.emplace_back(key, pair.substr(equals + 1));
   }
-  if (!record::is_response(o.run.meta))
+  if (!record::is_response(complete_meta(o.run.meta, config)))
     throw Error(ExitCode::usage,
                 "--meta: expected a response as `calibrate` prints it: irf_fwhm_ps above 0; "
                 "radar_cell_m above 0 with radar_taps, 3 to 64 numbers with a peak of 1");
@@ -170,7 +172,7 @@ ExitCode run(Options& o) {
   if (!o.model.empty() && !std::filesystem::exists(o.model))
     throw Error(ExitCode::usage, "--model " + o.model + ": no such file");
   const Config config = load(o);
-  take_meta(o);
+  take_meta(o, config);
   plan_count(o, config);
   const bool rotates = o.run.slots_a_file > 0;
   o.run.next_out = [&config, out = o.run.out, rotates] { return path_of(out, rotates, config); };

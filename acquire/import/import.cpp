@@ -80,19 +80,15 @@ void take_cfg(Config& config, const std::string& recording, const std::string& c
   const std::string adjacent = fs::path(recording).replace_extension(".cfg").string();
   const std::string path =
       cfg.empty() && fs::exists(adjacent) ? adjacent : here_or_installed(cfg).string();
-  if (path.empty()) {
-    // The configured cfg is not used, because the recording needs the cfg of its own board.
-    config.radar.cfg_text.clear();
-  } else {
-    config.radar.cfg_name = path;
-    config.radar.cfg_text = RegularFile(path, ExitCode::config).rest<std::string>(1 << 20);
-    if (config.radar.cfg_text.empty())
-      throw Error(ExitCode::config, printable(path) + ": is empty; expected the board's .cfg");
-  }
-  if (config.radar.cfg_text.empty())
+  // The configured cfg is not used, because the recording needs the cfg of its own board.
+  if (path.empty())
     throw Error(ExitCode::config, printable(recording) +
                                       ": the board's .cfg is missing; copy it to " +
                                       printable(adjacent) + ", or give its path with --cfg");
+  config.radar.cfg_name = path;
+  config.radar.cfg_text = RegularFile(path, ExitCode::config).rest<std::string>(1 << 20);
+  if (config.radar.cfg_text.empty())
+    throw Error(ExitCode::config, printable(path) + ": is empty; expected the board's .cfg");
   record::Antennas antennas;
   for (const auto& place : parse_profile(config.radar).array)
     antennas.push_back({.x = static_cast<double>(place.x), .y = static_cast<double>(place.y)});

@@ -14,8 +14,9 @@ namespace {
 struct ValidRange {
   double least, most;
 };
-constexpr ValidRange widths_ps{0.1, 100'000}, tails_ps{0, 100'000}, shares{0, 1}, cells_m{1e-3, 10},
-    exponents{-2, 0}, powers{0, 1.05}, baselines_m{0, 10}, tolerances_m{0, most_mount_tolerance_m};
+constexpr ValidRange widths_ps{least_width_ps, most_width_ps}, tails_ps{0, 100'000}, shares{0, 1},
+    cells_m{1e-3, 10}, exponents{-2, 0}, powers{0, 1.05}, baselines_m{0, 10},
+    tolerances_m{0, most_mount_tolerance_m};
 constexpr const char *baseline_key = "radar_baseline_m", *tolerance_key = "radar_mount_tolerance_m";
 
 // Parses numbers with an optional "+- ERROR" at the end. Returns an empty list if the string does

@@ -24,6 +24,9 @@ inline constexpr const char* response_keys[] = {"irf_fwhm_ps",    "irf_tail_ps",
                                                 "irf_tail_share", "radar_cell_m",
                                                 "radar_taps",     "radar_noise_exponent"};
 
+// limits of irf_fwhm_ps
+inline constexpr double least_width_ps = 0.1, most_width_ps = 100'000;
+
 struct Measured {
   double value = 0, standard_error = 0;  // `standard_error` is 0 if unknown
 

@@ -33,6 +33,14 @@ void refuse_late_clock(UtcTime now) {
                                       "; set the clock");
 }
 
+std::vector<std::pair<std::string, std::string>> complete_meta(
+    std::vector<std::pair<std::string, std::string>> meta, const Config& config) {
+  for (auto& pair : config.calibration.response.meta())
+    if (std::ranges::none_of(meta, [&](const auto& given) { return given.first == pair.first; }))
+      meta.push_back(std::move(pair));
+  return meta;
+}
+
 std::unique_ptr<record::RunWriter> make_run(
     const Config& config, const std::string& out,
     const std::vector<std::pair<std::string, std::string>>& meta, const std::string& uuid,
@@ -45,14 +53,11 @@ std::unique_ptr<record::RunWriter> make_run(
   info.version = version();
   info.operator_name = config.operator_name.empty() ? login_name() : config.operator_name;
   info.window_s = config.window_s;
-  info.meta = meta;
+  info.meta = complete_meta(meta, config);
   if (config.detector.known()) info.meta.push_back(config.detector.meta());
   if (config.configured().contains(Sensor::radar))
     for (const auto& pair :
          record::RadarMounting{config.baseline_m, config.mount_tolerance_m}.meta())
-      info.meta.push_back(pair);
-  for (const auto& pair : config.calibration.response.meta())
-    if (std::ranges::none_of(meta, [&](const auto& given) { return given.first == pair.first; }))
       info.meta.push_back(pair);
   return std::make_unique<record::RunWriter>(out, info, clock, [&](record::RunWriter& run) {
     if (!config.antennas.empty()) run.put_antennas(config.antennas);

@@ -18,6 +18,10 @@ void refuse_bad_target(const std::filesystem::path& out);
 // Throws Error(failed) if `now` is less than three years before the end of UtcTime's range (2262).
 void refuse_late_clock(UtcTime now);
 
+// Returns the metadata with those entries of the calibrated response that `meta` does not contain.
+std::vector<std::pair<std::string, std::string>> complete_meta(
+    std::vector<std::pair<std::string, std::string>> meta, const Config& config);
+
 // Creates a run file and writes the calibration and antennas of the configuration to it. `clock`
 // must outlive the writer. If `uuid` is empty, a random UUID is used.
 std::unique_ptr<record::RunWriter> make_run(

@@ -157,6 +157,7 @@ def test_images_that_are_resampled_to_maps_of_64_pixels_are_named(tmp_path, size
     ("expected finite power", {"radar": np.array([[1, np.inf, 1]])}),
     ("radar.taps: expected 3 to 64 numbers", {"radar": np.ones((3, 5)), "radar_cell_m": 0.25, "radar_taps": [1, np.nan, 1]}),
     ("radar.taps: expected 3 to 64 numbers", {"radar": np.ones((3, 5)), "radar_cell_m": 0.25, "radar_taps": [1, 2]}),
+    ("spd.irf_fwhm_ps: expected 0.1 to 100000", {"spd": np.ones((3, 5)), "irf_fwhm_ps": 0.05}),
     ("radar.cell_m above 0", {"radar": np.ones((3, 5)), "radar_taps": [1, 0.5, 0.1]}),
     ("2 labels, but there are 3 records", {"spd": np.ones((3, 5)), "labels": ["a", "b"]}),
     ("cannot be read: record 9999: its slot", {"spd": np.ones((10000, 5)), "window_s": 1e6}),
