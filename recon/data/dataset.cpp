@@ -11,6 +11,7 @@
 #include <memory>
 #include <numeric>
 #include <optional>
+#include <ranges>
 
 #include "acquire/measurement/detector.hpp"
 #include "acquire/record/run_names.hpp"
@@ -199,9 +200,7 @@ class Appender {
     // Counts that have been multiplied by an integer have the hash of the original counts.
     const std::uint32_t unit = std::accumulate(counts.begin(), counts.end(), 0u,
                                                [](auto a, auto n) { return std::gcd(a, n); });
-    std::vector<std::uint32_t> units(counts.begin(), counts.end());
-    for (std::uint32_t& n : units) n /= unit;
-    return hash_of_words(units);
+    return hash_of_words(std::views::transform(counts, [&](auto n) { return n / unit; }));
   }
   // Computes a variant of the FNV-1a hash that processes 32-bit words instead of bytes.
   template <class Words>

@@ -7,13 +7,13 @@
 #include <iterator>
 #include <random>
 
-#include "acquire/measurement/radar_leakage.hpp"
 #include "drivers/core/random.hpp"
 #include "drivers/util/format.hpp"
 #include "recon/data/response_conversion.hpp"
 #include "recon/data/split.hpp"
 #include "recon/method/method.hpp"
 #include "recon/numbers/statistics.hpp"
+#include "recon/trust/record_numbers.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -161,8 +161,9 @@ std::vector<float> OutOfDistributionDetector::describe(std::span<const float> vi
   std::vector<float> out(first_[groups]);
   std::ranges::copy(view.last(first_[range + 1]), out.begin());
   const auto whole = std::span(out).subspan(first_[profile]);
-  std::copy_n(data.radar().row(row).begin(), whole.size(), whole.begin());
-  std::fill_n(whole.begin(), std::min(whole.size(), record::leakage_bins(data.radar().axis)), 0.f);
+  if (whole.empty()) return out;
+  const auto power = beyond_leakage(data.radar(), row);
+  std::ranges::copy(power, whole.last(power.size()).begin());
   normalise(whole);
   return out;
 }

@@ -95,7 +95,8 @@ class OutOfDistributionDetector {
                           const std::vector<bool>& shows_two);
   Limits limits_for(double times_wider) const;
   static void archive(Archive archive, Limits& limits);
-  // Returns the description of a record: its view without correlation, and its normalised profile.
+  // Returns the description of a record: its view without correlation, and its normalised
+  // profile, which is 0 where it may contain transmitter leakage.
   std::vector<float> describe(std::span<const float> view, const Dataset& data,
                               std::size_t row) const;
   // Returns true if a record shows a body; always true if the SPD is missing.

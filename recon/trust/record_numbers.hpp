@@ -28,7 +28,8 @@ extern const std::array<RecordNumber, record_number_count> record_numbers;
 Matrix record_numbers_of(const Alignment& alignment, const Dataset& data, const Matrix& views,
                          const Rows& rows, Inputs inputs);
 
-// Returns the profile of a row without the range bins that may contain transmitter leakage.
+// Returns the profile of a row without the range bins that may contain transmitter leakage, or the
+// whole profile if fewer than three bins would remain.
 std::span<const float> beyond_leakage(const Column& profiles, std::size_t row);
 // Returns the height of a profile's peak above the mean of its weaker half, divided by the standard
 // deviation of that half.
