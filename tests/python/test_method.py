@@ -69,10 +69,10 @@ def runs(tmp_path_factory):
 
 
 @pytest.mark.parametrize("name", ["50cm", "antennas"])
-@pytest.mark.parametrize("difference", ["codes", "response", "axes"])
+@pytest.mark.parametrize("difference", ["codes", "response", "flanks", "axes"])
 def test_python_predictions_equal_those_of_echofuse_recon_for_runs_with_other_units_or_axes(runs, tmp_path, name, difference):
-    """The run has logarithmic radar codes, a radar response that differs from that of the training run, or axes that
-    are shifted by less than a bin."""
+    """The run has logarithmic radar codes, a symmetric or asymmetric radar response that differs from that of the
+    training run, or axes that are shifted by less than a bin."""
     trained, run, model = tmp_path / "trained.sqlite", tmp_path / "run.sqlite", tmp_path / "model"
     for copy in (trained, run):
         copy.write_bytes((runs / f"{name}.sqlite").read_bytes())
@@ -82,6 +82,8 @@ def test_python_predictions_equal_those_of_echofuse_recon_for_runs_with_other_un
         change(run, "radar axes shifted by ?1 bins", -0.4)
     elif difference == "response":
         stated(run, np.exp(-np.arange(8) ** 2 / 5))
+    elif difference == "flanks":
+        stated(run, np.exp(-np.arange(-9, 8) ** 2 / np.where(np.arange(-9, 8) < 0, 22, 9)))
     elif name == "50cm":
         as_the_daemon_writes(run)
     program("echofuse-recon", "train", "-q", trained, "--model", "factorised-8", "--epochs", 1, "--out", model)

@@ -47,7 +47,7 @@ def save_maps(folder: str | pathlib.Path, depth_m: ArrayLike, index: ArrayLike,
               origin: str = "", *, run: Run | None = None) -> None:
     """Writes maps [n, N, N] (m, NaN or masked: no return) of the records with the given indices
     [n]. `run` or `origin` (text of run.txt) identifies the run. Raises FileExistsError if the
-    folder contains maps of another run, and ValueError if a shape or an index is wrong."""
+    folder contains maps of another run, and ValueError if a shape, an index or a depth is wrong."""
     folder, indices = pathlib.Path(folder), np.asarray(index)
     maps = plain("maps", depth_m)[0]
     require_indices(maps, indices, run)

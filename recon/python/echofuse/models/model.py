@@ -19,6 +19,7 @@ from ..runs import grid
 from ..runs.acquire import plain
 from ..runs.axis import Axis, tangents
 from ..runs.grid import rows_of
+from ..runs.run import opened
 from ..runs.zones import summed
 from . import baselines
 from .crc32c import crc32c
@@ -251,7 +252,7 @@ class Model:
             raise ValueError("predict: expected a run or arrays, not both")
         if run is None:
             return self._maps(Arrays(self.axes | (axes or {}), spd, radar, lags), range_offset_m)
-        return self._maps(run if isinstance(run, runs.Run) else runs.open(run), range_offset_m)
+        return self._maps(opened(run), range_offset_m)
 
     def _maps(self, run: runs.Run | Arrays, range_offset_m: float) -> Maps:
         photons = run.photons()

@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from .. import models, runs
 from ..models.maps import span_of
 from ..runs.acquire import plain
+from ..runs.run import opened
 
 __all__ = ["COLOURS", "figure", "learning_curve", "map", "maps", "opened", "pareto", "record",
            "shares", "stability", "table", "timeline"]
@@ -56,11 +57,6 @@ def figure(columns: int = 1, rows: int = 1, wide: float = 4.6, high: float = 3.4
     for panel in axes:
         panel.spines[["top", "right"]].set_visible(False)
     return fig, axes
-
-
-def opened(run: runs.Run | Path) -> runs.Run:
-    """Returns the run. If `run` is a path, opens the run at this path."""
-    return run if isinstance(run, runs.Run) else runs.open(run)
 
 
 def plain_log(ax: Axes, *sides: str) -> None:

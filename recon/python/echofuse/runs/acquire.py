@@ -51,7 +51,7 @@ def label_of(value: Any) -> str:
     """Returns a label as text; None and NaN become "". Raises ValueError if it is neither text
     nor a number."""
     value = value.tolist() if hasattr(value, "tolist") else value
-    if value is None or value != value:
+    if value is None or isinstance(value, float) and math.isnan(value):
         return ""
     if isinstance(value, (str, int, float)):
         return str(value)
@@ -78,7 +78,7 @@ def annotate(run: runs.Run | Path, text: str | None = None, *, label: Any = None
     Raises RuntimeError with the program's error message if the program fails."""
     if (text is None) == (label is None):
         raise ValueError("annotate: expected either `text` or `label`")
-    path = run.path if isinstance(run, runs.Run) else pathlib.Path(run).absolute()
+    path = pathlib.Path(run.path if isinstance(run, runs.Run) else run).absolute()
     if isinstance(run, runs.Run):
         run.events()  # checks that the file still contains this run
     call(acquire_program(program), "annotate", path,
@@ -222,9 +222,10 @@ def import_arrays(out: Path, sections: dict[str, dict[str, Any]], arrays: dict[s
     text = "".join((f"[{name}]\n" if name else "")
                    + "".join(f"{key} = {toml(value)}\n" for key, value in keys.items())
                    for name, keys in sections.items())
-    if not new_path(out).parent.is_dir():
-        raise FileNotFoundError(errno.ENOENT, "no such folder", str(new_path(out).parent))
-    with tempfile.TemporaryDirectory(prefix="echofuse-", dir=new_path(out).parent) as folder:
+    parent = new_path(out).parent
+    if not parent.is_dir():
+        raise FileNotFoundError(errno.ENOENT, "no such folder", str(parent))
+    with tempfile.TemporaryDirectory(prefix="echofuse-", dir=parent) as folder:
         pathlib.Path(folder, "run.toml").write_text(text, encoding="utf-8")
         for name, table in arrays.items():
             np.save(pathlib.Path(folder, f"{name}.npy"), plain(name, table)[0])

@@ -29,7 +29,7 @@ from .run_files import (NULL_INTEGER, STATISTICS, Connection, connect, leftovers
 from .zones import Zone
 from .zones import stored as stored_zones
 
-__all__ = ["PS_PER_M", "SENSORS", "Run", "open"]
+__all__ = ["PS_PER_M", "SENSORS", "Run", "open", "opened"]
 
 SENSORS = {"spd": 1, "radar": 2, "depth": 4}  # bits of the column record.valid
 PS_PER_M = 2e12 / 299_792_458.0  # two-way time of flight per metre of range, ps
@@ -53,6 +53,11 @@ def open(path: str | pathlib.Path) -> "Run":  # noqa: A001 (intended name)
     for file in leftovers(found):
         warnings.warn(f"{file}: not read, because the run is closed; move it away", stacklevel=2)
     return Run(found)
+
+
+def opened(run: "Run | str | pathlib.Path") -> "Run":
+    """Returns the run. If `run` is a path, opens the run at this path."""
+    return run if isinstance(run, Run) else open(run)
 
 
 class Run:

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .programs import call
-from .run import Run
-from .run import open as open_run
+from .run import Run, opened
 
 __all__ = ["Split", "split", "usual_inputs"]
 
@@ -41,7 +40,7 @@ def split(run: Run | str | pathlib.Path, kind: str = "random", seed: int = 1, *,
     only if `lossy` is "leave". kind: "random", or "blocked" for sequences of similar records.
     inputs: required sensors, "fused", "spd" or "radar" (default: the sensors of the run). Raises
     RuntimeError with the program's error message if the program fails."""
-    run = run if isinstance(run, Run) else open_run(run)
+    run = opened(run)
     inputs = inputs or usual_inputs(run)
     settings = {"test_share": test_share, "validation_share": validation_share, "gap": gap,
                 "doubtful": doubtful, "lossy": lossy}
