@@ -117,17 +117,13 @@ TEST_CASE("the API predicts the same depth map from the arrays of three zones as
 
 TEST_CASE("the API predicts the records of the default runs as the model does") {
   const std::string kind = GENERATE("one_pixel", "nine_zones");
-  const auto run_of = [&](const char* records, const char* seed) {
-    return made("fixture", {"run", "--kind", kind, "--records", records, "--seed", seed});
-  };
-  const std::string path =
-      made("echofuse-recon", {"train", "-q", "--model", "factorised-4", "--epochs", "30",
-                              "--inputs", "fused", "--set", "fallback=false", run_of("300", "1")});
+  const std::string path = made_default_model(kind, "fused");
+  const std::string fresh = made_default_run(kind, "40", "2");
   const Model model(path);
   const recon::TrainedModel whole = recon::load_model(path);
-  const Run run(run_of("40", "2"));
-  const recon::Dataset data = recon::load({run_of("40", "2")});
-  const record::RunReader reader(run_of("40", "2"));
+  const Run run(fresh);
+  const recon::Dataset data = recon::load({fresh});
+  const record::RunReader reader(fresh);
   CHECK(model.zones() == reader.axis("spd")->zones.size());
   for (std::int64_t i = 0; i < run.count(); ++i) {
     const Record record = run.read(i);

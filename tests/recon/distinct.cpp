@@ -45,14 +45,8 @@ double centroid(std::span<const float> values, const Axis& axis, float backgroun
 
 // Scores the body positions that a model finds in records of other plates.
 double lateral_error_m(const std::string& kind, const std::string& inputs) {
-  const auto run = [&](const char* records, const char* seed) {
-    return made("fixture", {"run", "--kind", kind, "--records", records, "--seed", seed});
-  };
-  const std::string model =
-      made("echofuse-recon", {"train", "-q", "--model", "factorised-4", "--epochs", "30",
-                              "--inputs", inputs, "--set", "fallback=false", run("300", "1")});
-  const TrainedModel trained = load_model(model);
-  const Dataset fresh = load({run("40", "2")});
+  const TrainedModel trained = load_model(made_default_model(kind, inputs));
+  const Dataset fresh = load({made_default_run(kind, "40", "2")});
   const Rows rows = all_rows(fresh.size());
   return summarise(score_maps(trained.predict(fresh, rows), fresh, rows,
                               trained->scene))[metric_lateral_m]

@@ -51,6 +51,19 @@ inline recon::TrainedModel trained_model(const std::string& kind, std::int64_t r
   return recon::load_model(made_model(kind, records, 1, words));
 }
 
+// Returns a cached default run: `kind` is one_pixel or nine_zones.
+inline std::string made_default_run(const std::string& kind, const char* records,
+                                    const char* seed) {
+  return made("fixture", {"run", "--kind", kind, "--records", records, "--seed", seed});
+}
+
+// Returns a cached model of 300 records of a default run.
+inline std::string made_default_model(const std::string& kind, const std::string& inputs) {
+  return made("echofuse-recon",
+              {"train", "-q", "--model", "factorised-4", "--epochs", "30", "--inputs", inputs,
+               "--set", "fallback=false", made_default_run(kind, "300", "1")});
+}
+
 inline bool all_finite(std::span<const float> values) {
   return std::all_of(values.begin(), values.end(), [](float v) { return std::isfinite(v); });
 }
