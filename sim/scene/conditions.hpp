@@ -25,7 +25,7 @@ struct Conditions {
   std::string reflector_before = "detector";
   double reflector_z_m = 1;
   std::int64_t multipath_order = 0;
-  std::string object, object_up = "y";
+  std::string object{}, object_up = "y";
   double object_scale = 1;
 
   // People (sim/scene/person.hpp).
@@ -66,7 +66,7 @@ struct Conditions {
   double radar_resolution_m = 0.5, radar_step_m = 0.25;
   std::int64_t radar_bins = 29;
   double radar_snr_db = 20, radar_bias_m = 0;
-  std::string radar_psf = "sinc", radar_taps, radar_sum = "incoherent";
+  std::string radar_psf = "sinc", radar_taps{}, radar_sum = "incoherent";
   double radar_taper = 0, radar_leakage = 0;
   // Power reflectivity of concrete at normal incidence, for a permittivity of 5.24 at 60 GHz (ITU-R
   // P.2040-3). For sound, plaster reflects 0.97 of the power.
