@@ -14,10 +14,14 @@ namespace echofuse::acquire {
 namespace {
 
 constexpr double tick_s = 5e-9;
-constexpr std::uint64_t shortest_line = 8;
+constexpr std::uint64_t shortest_chain = 8;
+// Number of frames that may be damaged between two members of a chain.
+constexpr std::size_t most_damaged = 32;
 // Tolerance of a clock reading, in addition to half a period: the transmission of the previous
 // frame may delay it.
 constexpr double late_s = 0.02, other_rate = 5e-4;
+// Longest time between two members of a chain: `other_rate` then allows 0.2 s.
+constexpr double longest_link_s = 400;
 
 std::string fixed(double value) {
   char text[32];
@@ -29,15 +33,16 @@ std::string fixed(double value) {
 struct Entry {
   std::size_t frame;  // index of the frame in the recording
   FrameHeader header;
-  std::uint32_t epoch = 0;  // number of restarts of the board before the frame
-  bool stands = false;      // true: the clock shows the same time as in the previous frame
-  std::optional<std::size_t> line{};
-};
-
-struct Line {
-  std::size_t first, last;  // indices of entries
-  std::uint64_t frames = 1;
-  bool valid = false;
+  bool stands = false;       // true: the clock shows the same time as in the previous frame
+  bool member = false;       // true: the frame belongs to a valid chain
+  std::uint64_t length = 1;  // number of frames in the longest chain that ends here
+  double deviation_s = 0;    // sum of the clock deviations in that chain
+  std::size_t previous = 0;  // its previous and first entries
+  std::size_t first = 0;
+  bool restarts = false;   // true: the board restarted before the frame
+  bool by_number = false;  // true: the number is right, and the clock reading is not
+  double at_s = 0;
+  std::uint32_t position = header.position;  // without damage
 };
 
 class Fit {
@@ -46,23 +51,26 @@ class Fit {
       : frames_(frames), subframes_(subframes), period_s_(period_s) {
     times_.at.resize(frames.size());
     times_.copy.resize(frames.size());
+    times_.lost.resize(frames.size());
   }
 
   FrameTimes run() {
     drop_copies();
-    number();
+    if (entries_.empty()) return std::move(times_);
     measure_period();
-    for (std::size_t begin = 0, end = 0; begin < entries_.size(); begin = end) {
-      while (end < entries_.size() && entries_[end].epoch == entries_[begin].epoch) ++end;
-      find_lines(begin, end);
-      set_times(begin, end);
-    }
+    set_times();
     return std::move(times_);
   }
 
  private:
+  struct Chain {
+    std::size_t first, last;  // indices of entries
+    std::uint64_t frames;
+  };
+
   // A frame is a copy if it repeats the frame before it, or a later frame of the same numbering
-  // than the first: a board that restarts repeats the first number.
+  // than the first: a board that restarts repeats the first number, and its next number is lower
+  // than the last one before the restart.
   void drop_copies() {
     std::set<std::pair<std::uint32_t, std::uint32_t>> seen;
     std::uint32_t first = 0;
@@ -70,152 +78,245 @@ class Fit {
       const FrameHeader& f = frames_[i];
       const FrameHeader* last = entries_.empty() ? nullptr : &entries_.back().header;
       const bool repeats = last && f.position == last->position && f.cycles == last->cycles;
-      const bool back = last && f.position < last->position && f.position <= first;
+      const bool confirmed =
+          last && (i + 1 == frames_.size() || frames_[i + 1].position <= last->position);
+      const bool back = last && f.position < last->position && f.position <= first && confirmed;
       if (!last || back) seen.clear(), first = f.position;
+      first = std::min(first, f.position);
       times_.copy[i] = repeats || !seen.emplace(f.position, f.cycles).second;
       times_.copies += times_.copy[i];
-      if (!times_.copy[i]) entries_.push_back({i, f});
-    }
-  }
-
-  // Finds restarts of the board and frames during which the clock stands still. A number that is
-  // not between those of its neighbours is damaged; the number after the previous one replaces it.
-  void number() {
-    const std::uint32_t usual = 101 * subframes_, most = subframes_ << 20;
-    for (std::size_t i = 1; i < entries_.size(); ++i) {
-      Entry& e = entries_[i];
-      const bool ends = i + 1 == entries_.size();
-      const std::uint32_t last = entries_[i - 1].header.position;
-      const std::uint32_t to_now = e.header.position - last;
-      const std::uint32_t to_next = ends ? 0 : entries_[i + 1].header.position - e.header.position;
-      const std::uint32_t both = to_now + to_next;
-      const bool damaged = !ends && both > 1 && both <= usual && to_now > both;
-      const bool restarts = !ends && !damaged && to_now >= most && to_next <= usual;
-      e.epoch = entries_[i - 1].epoch + restarts;
-      e.stands = !restarts && e.header.cycles == entries_[i - 1].header.cycles;
-      if (damaged || (!restarts && to_now >= most)) e.header.position = last + 1;
+      if (times_.copy[i]) continue;
+      const bool stands = last && f.cycles == last->cycles;
+      entries_.push_back({.frame = i, .header = f, .stands = stands});
     }
   }
 
   static std::uint32_t steps(const Entry& from, const Entry& to) {
     return to.header.position - from.header.position;
   }
+  std::uint32_t usual() const { return 101 * subframes_; }
 
-  void measure_period() {
-    std::vector<double> found;
+  // Returns the time between two frames if the clock confirms the numbers. A constant clock
+  // confirms nothing: the time then follows from the numbers.
+  std::optional<double> link_s(const Entry& from, const Entry& to) const {
+    const std::uint32_t count = steps(from, to);
+    if (count == 0 || count >= subframes_ << 20) return std::nullopt;
+    const double expected_s = count * period_s_;
+    if (from.header.cycles == to.header.cycles)
+      return count <= usual() ? std::optional(expected_s) : std::nullopt;
+    const double passed_s =
+        tick_s * static_cast<double>(
+                     ticks_passed(from.header.cycles, to.header.cycles, expected_s / tick_s, 32));
+    const double tolerance_s = late_s + period_s_ / 2 + other_rate * expected_s;
+    return std::abs(passed_s - expected_s) < tolerance_s ? std::optional(passed_s) : std::nullopt;
+  }
+
+  // Chains with the same number of frames are compared by their clock deviations.
+  void link_entries() {
+    for (std::size_t i = 0; i < entries_.size(); ++i) {
+      Entry& e = entries_[i];
+      e.length = 1, e.deviation_s = 0, e.previous = e.first = i, e.member = false;
+      for (std::size_t back = 1; back <= std::min(i, most_damaged + 1); ++back) {
+        const Entry& from = entries_[i - back];
+        const double expected_s = steps(from, e) * period_s_;
+        if (from.length + 1 < e.length || expected_s > longest_link_s) continue;
+        const std::optional<double> link = link_s(from, e);
+        if (!link) continue;
+        const double deviation_s = from.deviation_s + std::abs(*link - expected_s);
+        if (from.length + 1 == e.length && deviation_s >= e.deviation_s) continue;
+        e.length = from.length + 1, e.deviation_s = deviation_s;
+        e.previous = i - back, e.first = from.first;
+      }
+    }
+  }
+
+  bool renumbers(const Entry& before, const Entry& after) const {
+    return steps(before, after) - 1 >= subframes_ << 20;
+  }
+
+  // A shorter chain is valid if it continues the chain before it, or starts a new numbering before
+  // the next chain. A clock that continues after an old number shows that the numbers are damaged.
+  bool confirmed(const Chain& chain, const Chain* before, const Chain* after) const {
+    const Entry& first = entries_[chain.first];
+    if (!before) return false;
+    const Entry& last = entries_[before->last];
+    if (!renumbers(last, first)) return link_s(last, first).has_value();
+    const double apart_s = tick_s * (first.header.cycles - last.header.cycles);
+    const double expected_s = static_cast<double>(chain.first - before->last) * period_s_;
+    return std::abs(apart_s - expected_s) > late_s + period_s_ / 2 &&
+           (!after || renumbers(last, entries_[after->first]));
+  }
+
+  void find_chains() {
+    link_entries();
+    std::vector<Chain> found;
+    std::vector<std::size_t> best(entries_.size());  // last entry of the longest chain, by first
+    for (std::size_t i = 0; i < entries_.size(); ++i)
+      if (std::size_t& last = best[entries_[i].first];
+          entries_[i].first == i ||
+          std::pair(entries_[i].length, -entries_[i].deviation_s) >
+              std::pair(entries_[last].length, -entries_[last].deviation_s))
+        last = i;
+    for (std::size_t i = 0; i < entries_.size(); ++i)
+      if (entries_[i].first == i) found.push_back({i, best[i], entries_[best[i]].length});
+    std::ranges::stable_sort(found, std::ranges::greater(), &Chain::frames);
+    chains_.clear();
+    for (const Chain& chain : found) {
+      const auto next = std::ranges::upper_bound(chains_, chain.first, {}, &Chain::first);
+      const Chain* after = next == chains_.end() ? nullptr : &*next;
+      const Chain* before = next == chains_.begin() ? nullptr : &*std::prev(next);
+      if ((before && before->last > chain.first) || (after && after->first < chain.last)) continue;
+      if (chains_.empty() || chain.frames >= shortest_chain ||
+          (chain.frames > 1 && confirmed(chain, before, after)))
+        chains_.insert(next, chain);
+    }
+    for (const Chain& chain : chains_)
+      for (std::size_t i = chain.last;; i = entries_[i].previous) {
+        entries_[i].member = true;
+        if (i == chain.first) break;
+      }
+  }
+
+  std::uint64_t members() const {
+    std::uint64_t sum = 0;
+    for (const Chain& chain : chains_) sum += chain.frames;
+    return sum;
+  }
+
+  // Clock steps per number between neighbouring entries, s, in increasing order.
+  std::vector<double> found_periods(bool of_members) const {
+    std::vector<double> out;
     for (std::size_t i = 1; i < entries_.size(); ++i) {
       const Entry &a = entries_[i - 1], &b = entries_[i];
-      if (a.epoch == b.epoch && !b.stands && steps(a, b) - 1 < 101 * subframes_)
-        found.push_back(tick_s * (b.header.cycles - a.header.cycles) / steps(a, b));
+      if (!b.stands && steps(a, b) - 1 < usual() &&
+          (!of_members || (a.member && b.member && b.previous == i - 1)))
+        out.push_back(tick_s * (b.header.cycles - a.header.cycles) / steps(a, b));
     }
-    if (found.empty()) return;
-    const auto middle = found.begin() + static_cast<std::ptrdiff_t>(found.size() / 2);
-    std::nth_element(found.begin(), middle, found.end());
-    const double median = *middle;
-    const auto near = std::ranges::count_if(
-        found, [&](double s) { return std::abs(s - median) < 0.05 * median; });
-    if (2 * static_cast<std::size_t>(near) >= found.size()) times_.period_s = period_s_ = median;
+    std::ranges::sort(out);
+    return out;
   }
 
-  double clock_step_s(const Entry& from, const Entry& to) const {
-    const double expected = steps(from, to) * period_s_ / tick_s;
-    return tick_s *
-           static_cast<double>(ticks_passed(from.header.cycles, to.header.cycles, expected, 32));
-  }
-
-  bool agree(const Entry& from, const Entry& to) const {
-    const double expected_s = steps(from, to) * period_s_;
-    return steps(from, to) < subframes_ << 20 &&
-           std::abs(clock_step_s(from, to) - expected_s) <
-               late_s + period_s_ / 2 + other_rate * expected_s;
-  }
-
-  void find_lines(std::size_t begin, std::size_t end) {
-    constexpr std::size_t most_open = 16;
-    lines_.clear();
-    std::vector<std::size_t> open;
-    const auto frames_of = [&](std::size_t k) { return lines_[k].frames; };
-    for (std::size_t i = begin; i < end; ++i) {
-      Entry& e = entries_[i];
-      if (e.stands) continue;
-      const auto fits = [&](std::size_t k) { return agree(entries_[lines_[k].last], e); };
-      if (const auto it = std::ranges::find_if(open, fits); it != open.end()) {
-        e.line = *it;
-        lines_[*it].last = i;
-        ++lines_[*it].frames;
-        continue;
-      }
-      if (open.size() == most_open) open.erase(std::ranges::min_element(open, {}, frames_of));
-      e.line = lines_.size();
-      open.push_back(lines_.size());
-      lines_.push_back({i, i});
+  void measure_period() {
+    find_chains();
+    const double stated_s = period_s_;
+    const std::uint64_t as_stated = members();
+    const std::vector<double> all = found_periods(false);
+    std::ptrdiff_t most = 0;
+    for (auto end = all.begin(), begin = all.begin(); end != all.end(); ++end) {
+      while (*begin < 0.95 * *end) ++begin;
+      if (end - begin >= most) most = end - begin, period_s_ = *(begin + most / 2);
     }
-    std::vector<Line*> longest;
-    for (Line& line : lines_) longest.push_back(&line);
-    std::ranges::stable_sort(longest, std::ranges::greater(), &Line::frames);
-    for (Line* line : longest)
-      line->valid =
-          line == longest.front() ||
-          (line->frames >= shortest_line && std::ranges::none_of(lines_, [&](const Line& other) {
-             return other.valid && other.first <= line->last && line->first <= other.last;
-           }));
+    find_chains();
+    if (members() <= as_stated) period_s_ = stated_s, find_chains();
+    if (const std::vector<double> steps_s = found_periods(true); !steps_s.empty()) {
+      times_.period_s = period_s_ = steps_s[steps_s.size() / 2];
+      find_chains();
+    }
   }
 
-  // Sets the times of an epoch. The time between the last frame of the previous epoch and the first
-  // frame is not known; a frame period is used.
-  void set_times(std::size_t begin, std::size_t end) {
-    HostTime start{};
-    if (begin > 0) {
-      start = last_at_ + from_seconds(period_s_ * subframes_);
-      times_.restarts.add("between frames " + name(begin - 1) + " and " + name(begin) + " at " +
-                          fixed(seconds(last_at_)) + " s");
+  // Sets the times of the entries between `member` and `next`, in order of their distance from
+  // `member`. Without `next` they are beyond all members, after or before (`sign` -1) `member`. A
+  // number fits if it leaves room for the entries that follow. Beyond all members, the next number
+  // must confirm that frames are missing, and the nearer of two possible times is used.
+  void place(const Entry& member, const std::vector<Entry*>& entries, const Entry* next,
+             std::uint32_t sign = 1) {
+    const auto number_of = [&](const Entry& e) { return std::int64_t{sign * steps(member, e)}; };
+    const double limit_s = next ? next->at_s - member.at_s : HUGE_VAL;
+    std::int64_t at = 0;
+    double passed_s = 0;
+    for (std::size_t i = 0; i < entries.size(); ++i) {
+      Entry& e = *entries[i];
+      const auto left = static_cast<std::int64_t>(entries.size() - i);
+      const std::int64_t number = number_of(e);
+      const auto confirmed = [&] {
+        return number - at <= usual() && left > 1 &&
+               number_of(*entries[i + 1]) - number - 1 < usual() &&
+               number_of(*entries[i + 1]) > number;
+      };
+      const bool fits = number > at && (next ? number + left <= number_of(*next)
+                                             : number == at + 1 || confirmed());
+      const double number_s = static_cast<double>(number) * period_s_;
+      const double clock_s = tick_s * (sign * (e.header.cycles - member.header.cycles));
+      const bool by_clock = clock_s > passed_s &&
+                            clock_s < (next ? limit_s : passed_s + usual() * period_s_) &&
+                            (!fits || (!next && clock_s < number_s));
+      if (by_clock)
+        at = std::max<std::int64_t>(at + 1, std::llround(clock_s / period_s_));
+      else
+        at = fits ? number : at + 1;
+      if (next) at = std::min(at, std::max<std::int64_t>(number_of(*next), 1) - 1);
+      passed_s = std::min(by_clock ? clock_s : static_cast<double>(at) * period_s_, limit_s);
+      e.at_s = sign == 1 ? member.at_s + passed_s : member.at_s - passed_s;
+      e.position = member.position + sign * static_cast<std::uint32_t>(at);
+      e.by_number = fits && !by_clock;
     }
-    std::optional<std::size_t> valid;
-    bool stood = false;
-    std::vector<HostTime> at(end - begin, start);
-    for (std::size_t i = begin; i < end; ++i) {
-      const Entry &e = entries_[i], &from = entries_[valid.value_or(begin)];
-      const HostTime from_at = at[valid.value_or(begin) - begin];
-      HostTime& now = at[i - begin];
-      now = from_at + from_seconds(steps(from, e) * period_s_);
-      if (e.line && lines_[*e.line].valid) {
-        if (valid && from.line == e.line) {
-          now = from_at + from_seconds(clock_step_s(from, e));
-        } else if (valid && !stood) {
-          const double step_s = tick_s * (e.header.cycles - from.header.cycles);
-          now = from_at + from_seconds(step_s);
-          times_.paused.add("between frames " + name(*valid) + " and " + name(i) + " at " +
-                            fixed(seconds(from_at)) + " s by " + fixed(step_s) +
-                            " s + n x 21.47 s");
-        }
-        // Numbers of frames with impossible times may be damaged, too.
-        for (std::size_t k = valid.value_or(begin); k < i; ++k)
-          at[k - begin] = std::min(at[k - begin], now);
-        valid = i, stood = false;
-      } else if (e.stands) {
-        stood = true;
-        times_.stood.add("frame " + name(i));
-      } else {
-        times_.impossible.add(
-            "frame " + name(i) +
-            (valid ? " after " + fixed(seconds(from_at)) + " s" : " at the start"));
-      }
-    }
-    for (std::size_t i = begin; i < end; ++i)
-      times_.at[entries_[i].frame] = last_at_ = std::max(last_at_, at[i - begin]);
   }
 
-  std::string name(std::size_t entry) const {
-    return std::to_string(entries_[entry].header.number);
+  std::vector<Entry*> entries_between(std::size_t begin, std::size_t end) {
+    std::vector<Entry*> out;
+    for (std::size_t i = begin; i < end; ++i) out.push_back(&entries_[i]);
+    return out;
   }
+
+  // Sets the time of a chain's first frame. The time between the last frame before a restart and
+  // the first one after it is not known; a frame period is used.
+  void join(std::size_t last, std::size_t first) {
+    Entry &to = entries_[first], &from = entries_[last];
+    if (renumbers(from, to)) {
+      place(from, entries_between(last + 1, first), nullptr);
+      const Entry& before = entries_[first - 1];
+      to.at_s = before.at_s + period_s_ * subframes_;
+      to.restarts = true;
+      times_.restarts.add("between frames " + name(before) + " and " + name(to) + " at " +
+                          fixed(before.at_s) + " s");
+      return;
+    }
+    const std::optional<double> link = link_s(from, to);
+    const double step_s = link          ? *link
+                          : from.stands ? steps(from, to) * period_s_
+                                        : tick_s * (to.header.cycles - from.header.cycles);
+    to.at_s = from.at_s + step_s;
+    if (!link && !from.stands)
+      times_.paused.add("between frames " + name(from) + " and " + name(to) + " at " +
+                        fixed(from.at_s) + " s by " + fixed(step_s) + " s + n x 21.47 s");
+    place(from, entries_between(last + 1, first), &to);
+  }
+
+  void set_times() {
+    const auto is_first = std::ranges::find_if(entries_, &Entry::member);
+    auto last = static_cast<std::size_t>(is_first - entries_.begin());
+    std::vector<Entry*> start = entries_between(0, last);
+    std::ranges::reverse(start);
+    place(entries_[last], start, nullptr, -1);
+    const double start_s = entries_.front().at_s;
+    for (std::size_t i = 0; i <= last; ++i) entries_[i].at_s -= start_s;
+    for (std::size_t i = last + 1; i < entries_.size(); ++i)
+      if (entries_[i].member) join(std::exchange(last, i), i);
+    place(entries_[last], entries_between(last + 1, entries_.size()), nullptr);
+    HostTime at{};
+    const Entry* before = nullptr;
+    std::string where = " at the start";
+    for (const Entry& e : entries_) {
+      if (e.member)
+        where = " after " + fixed(e.at_s) + " s";
+      else if (!e.stands)
+        (e.by_number ? times_.times : times_.numbers).add("frame " + name(e) + where);
+      if (e.stands) times_.stood.add("frame " + name(e));
+      times_.at[e.frame] = at = std::max(at, HostTime(from_seconds(e.at_s)));
+      const std::uint32_t missing = before && !e.restarts ? e.position - before->position - 1 : 0;
+      times_.lost[e.frame] = missing <= subframes_ << 20 ? missing / subframes_ : 0;
+      before = &e;
+    }
+  }
+
+  static std::string name(const Entry& e) { return std::to_string(e.header.number); }
 
   const std::vector<FrameHeader>& frames_;
   std::uint32_t subframes_;
   double period_s_;
   FrameTimes times_;
   std::vector<Entry> entries_;
-  std::vector<Line> lines_;  // lines in the current epoch
-  HostTime last_at_{};
+  std::vector<Chain> chains_;  // valid chains, in the order of the recording
 };
 
 }  // namespace

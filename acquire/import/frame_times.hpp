@@ -1,13 +1,18 @@
 // SPDX-License-Identifier: MIT
 // Times of the frames in a radar recording, fitted to the frame numbers and the board's clock.
 //
-// The clock has 32 bits and wraps every 21.47 s. All frames of a recording are considered together:
-//   period  median clock step per frame number; the cfg's period if fewer than half of the steps
-//           are within 5 % of the median
-//   line    frames with clock readings that match their numbers and the period, across lost frames
-// The longest line is valid, and each other line of at least 8 frames that does not overlap a
-// longer one: the clock then continued after a gap of unknown length. The times of all other frames
-// are impossible, and are computed from their numbers.
+// The clock has 32 bits and wraps every 21.47 s. Neither a number nor a clock reading is trusted
+// alone, and all frames of a recording are considered together:
+//   chain   longest sequence of frames with increasing numbers in which the clock has advanced by
+//           the difference of the numbers times the period. The frames between two members do not
+//           belong to it: their number or clock reading is damaged.
+//   valid   the longest chain, each other chain of at least 8 frames that does not overlap a longer
+//           one, and a shorter one that continues the chain before it or starts a new numbering
+//   period  the cfg's, or the most frequent clock step per frame number if more frames then belong
+//           to valid chains; then the median step within these chains
+// The time of any other frame is computed from its number if this is between the numbers of its
+// neighbours, else from its clock reading if this is between theirs, else it is one period after
+// the previous frame. At an end of the recording, the time nearer to the neighbour is used.
 #pragma once
 #include <cstdint>
 #include <string>
@@ -32,7 +37,9 @@ struct FrameTimes {
   std::vector<HostTime> at;  // time of each frame, relative to the first frame
   // Copies of frames: the same number and clock reading as an earlier frame.
   std::vector<bool> copy;
-  Irregularity restarts, paused, impossible, stood;
+  std::vector<std::uint32_t> lost;  // number of frames missing before each frame
+  // `times` and `numbers`: frames with an impossible clock reading or number
+  Irregularity restarts, paused, times, numbers, stood;
   std::uint64_t copies = 0;
   double period_s = 0;  // measured time between positions; 0: not measured
 };

@@ -53,6 +53,8 @@ void RadarRecording::take(RadarFrame frame, SampleSink& sink) {
   const std::size_t bins = frame.power.size();
   if (bins > 0 && bins != profile_.bins) ++others_, other_bins_ = bins;
   frame.received = at_ = times_.at.at(index);
+  frame.lost_before = times_.lost.at(index);
+  lost_ += frame.lost_before;
   // Frame numbers repeat after a restart. Adding the number of restarts makes sure that frames with
   // the same number have different device times.
   epoch_ += frame.frame_number < std::exchange(number_, frame.frame_number);
@@ -109,11 +111,13 @@ std::vector<std::string> RadarRecording::doubts() const {
   if (const Irregularity& stood = times_.stood; stood.count > 0)
     out.push_back("the board's clock stands still in " + std::to_string(stood.count) + " frames (" +
                   stood.places + "): their times are computed from the frame numbers");
-  add(times_.impossible, " frames have impossible times",
+  add(times_.times, " frames have impossible times",
       ": their times are computed from the frame numbers");
+  add(times_.numbers, " frames have impossible numbers",
+      ": their times are computed from the clock or the neighbouring frames");
   if (times_.copies > 0)
     out.push_back(std::to_string(times_.copies) + " duplicate frames were omitted");
-  if (c.lost_frames > 0) out.push_back(std::to_string(c.lost_frames) + " frames are missing");
+  if (lost_ > 0) out.push_back(std::to_string(lost_) + " frames are missing");
   const std::uint64_t broken = c.truncated_frames + c.bad_headers + c.bad_tlvs;
   if (broken > 0 || c.junk_bytes > 0)
     out.push_back(std::to_string(broken) + " frames are damaged, " + std::to_string(c.junk_bytes) +

@@ -63,8 +63,8 @@ bool fill(ByteView packet, std::size_t header, std::size_t extra) {
 }  // namespace
 
 std::string changed_line_ends(ByteView bytes) {
-  // number of line feeds required to detect converted line endings; the platform field of every
-  // frame contains one
+  // Number of line feeds, or of shortened frames, required to detect converted line endings. Lost
+  // bytes shorten a few frames. The platform field of every frame contains a line feed.
   constexpr std::ptrdiff_t enough = 4;
   const auto feeds = std::ranges::count(bytes, '\n');
   std::ptrdiff_t pairs = 0;
@@ -73,18 +73,21 @@ std::string changed_line_ends(ByteView bytes) {
     return "line ends were converted because the file was saved as text: a carriage return "
            "precedes each line feed";
   if (feeds < enough || pairs > 0) return {};
-  std::size_t begin = find_magic(bytes, 0);
-  for (std::size_t end; begin + header_bytes <= bytes.size(); begin = end) {
+  std::ptrdiff_t shortened = 0;
+  for (std::size_t begin = find_magic(bytes, 0), end; begin < bytes.size(); begin = end) {
     end = find_magic(bytes, begin + 1);
     const ByteView packet = bytes.subspan(begin, end - begin);
+    if (end == bytes.size() || packet.size() < header_bytes) continue;
     constexpr std::size_t size_at = 12;  // offset of the packet's size in its header
-    const std::size_t stated = ByteReader(bytes.subspan(begin + size_at)).get<std::uint32_t>();
-    if (end < bytes.size() && stated > packet.size() &&
-        stated - packet.size() <= static_cast<std::size_t>(std::ranges::count(packet, '\n')))
-      return "line ends were converted because the file was saved as text: CR LF became LF, and "
-             "frames are shorter than they state";
+    const std::size_t stated = ByteReader(packet.subspan(size_at)).get<std::uint32_t>();
+    const auto feeds_inside = std::ranges::count(packet.subspan(header_bytes), '\n');
+    if (stated <= packet.size()) continue;
+    if (stated - packet.size() > static_cast<std::size_t>(feeds_inside)) return {};
+    ++shortened;
   }
-  return {};
+  if (shortened < enough) return {};
+  return "line ends were converted because the file was saved as text: CR LF became LF, and frames "
+         "are shorter than they state";
 }
 
 std::string why_no_frames(ByteView bytes) {

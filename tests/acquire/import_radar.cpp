@@ -2,8 +2,11 @@
 // Tests the import of recordings of a radar's data port.
 #include <algorithm>
 #include <cmath>
+#include <numeric>
+#include <random>
 
 #include "acquire/config/config.hpp"
+#include "acquire/import/frame_times.hpp"
 #include "acquire/import/import.hpp"
 #include "drivers/core/bytes.hpp"
 #include "testing.hpp"
@@ -135,7 +138,15 @@ TEST_CASE(
   // to look like a gap of 16 lost frames.
   for (const std::uint32_t number : {36u, 1044u, 0x80000014u})
     check(RadarFile().frames(1, 19).frame(number, 20 * 0.0499).frames(21, 60), even,
-          number == 36 ? "16 frames are missing" : "");
+          "1 frames have impossible numbers (frame " + std::to_string(number) +
+              " after 0.90 s): their times");
+  // A number at an end of the recording, neighbouring numbers, and exchanged numbers.
+  check(RadarFile().frames(1, 59).frame(109, 60 * 0.0499), even, "(frame 109 after 2.89 s)");
+  check(RadarFile().frame(33, 0.0499).frames(2, 60), even, "(frame 33 at the start)");
+  check(RadarFile().frame(33, 0.0499).frame(34, 0.0998).frames(3, 60), even,
+        "2 frames have impossible numbers");
+  check(RadarFile().frames(1, 19).frame(21, 20 * 0.0499).frame(20, 21 * 0.0499).frames(22, 60),
+        even, "frames have impossible");
   check(RadarFile().frames(1, 20).frames(1, 20).frames(1, 20, 7), even,
         "2 restarts of the board (between frames 20 and 1 at 0.95 s, between frames 20 and 1 "
         "at 1.95 s): the gaps have unknown length");
@@ -148,6 +159,68 @@ TEST_CASE(
   check(RadarFile{.period_s = 0.0998}.frames(1, 20), {11, 9}, "frame period 99.8" + other);
   check(RadarFile{.period_s = 0.499}.frames(1, 20), {3, 2, 2, 2, 2, 2, 2, 2, 2, 1},
         "frame period 499.0" + other);
+}
+
+TEST_CASE("damaged frame numbers and clock readings do not change the times of other frames") {
+  // Up to a third of 300 frames are damaged, in one of four ways.
+  const auto seed = static_cast<unsigned>(GENERATE(range(1, 41)));
+  const double period_s = GENERATE(0.0333, 0.05, 0.1);
+  const std::uint32_t lost = seed % 3 == 0 ? 25 : 0, subframes = seed % 5 == 0 ? 2 : 1;
+  CAPTURE(seed, period_s, lost, subframes);
+  std::mt19937 engine(seed);
+  const auto random = [&] { return static_cast<std::uint32_t>(engine()); };
+  std::vector<acquire::FrameHeader> frames;
+  std::vector<bool> damaged;
+  const std::uint32_t first = random(), cycles = random();
+  const auto bit = [&](unsigned lowest) { return 1u << (lowest + random() % (32 - lowest)); };
+  for (std::uint32_t i = 0; i < 300; ++i) {
+    const std::uint32_t number = i < 150 ? i : i + lost;
+    frames.push_back({first + number, (first + number) / subframes,
+                      cycles + static_cast<std::uint32_t>(std::llround(number * period_s / 5e-9))});
+  }
+  damaged.resize(frames.size());
+  const std::uint32_t every = seed % 4 == 0 ? 3 : 4 + random() % 20;
+  for (std::size_t i = random() % every; i < frames.size(); i += every) {
+    damaged[i] = true;
+    switch (seed / 4 % 4) {
+      case 0:
+        frames[i].position ^= bit(0);
+        break;
+      case 1:
+        frames[i].cycles ^= bit(24);
+        break;
+      case 2:
+        frames[i].cycles += 2'147'483'648u;
+        break;  // alike in all frames
+      default:
+        (random() % 2 ? frames[i].position : frames[i].cycles) = random();
+    }
+  }
+  const acquire::FrameTimes fit = acquire::fit_times(frames, subframes, period_s);
+  CHECK(std::abs(fit.period_s - period_s) < 1e-6);
+  CHECK(fit.restarts.count + fit.paused.count == 0);
+  CHECK(std::accumulate(fit.lost.begin(), fit.lost.end(), 0u) == lost / subframes);
+  const auto error_s = [&](std::size_t i, std::size_t from) {
+    const auto number = [&](std::size_t k) { return k < 150 ? k : k + lost; };
+    return std::abs(seconds(fit.at[i] - fit.at[from]) -
+                    static_cast<double>(number(i) - number(from)) * period_s);
+  };
+  const auto start = static_cast<std::size_t>(std::ranges::find(damaged, false) - damaged.begin());
+  for (std::size_t i = start; i < frames.size(); ++i) {
+    CAPTURE(i);
+    if (error_s(i, start) > (damaged[i] ? period_s : 1e-3)) FAIL_CHECK("wrong time");
+  }
+}
+
+TEST_CASE("import does not mistake lost bytes for converted line ends") {
+  const std::size_t losses = GENERATE(1, 3);
+  Bytes bytes = RadarFile().frames(1, 60).bytes;
+  for (std::size_t i = 0; i < losses; ++i)
+    bytes.erase(bytes.begin() + static_cast<std::ptrdiff_t>(100 + 192 * 10 * i));
+  const RadarImport i = import_radar(bytes);
+  CAPTURE(i.said);
+  CHECK(has(i.said, std::to_string(losses) + " frames are damaged"));
+  CHECK_FALSE(has(i.said, "line ends"));
 }
 
 TEST_CASE("import refuses a radar recording without a range profile and reports the reason") {
@@ -168,12 +241,11 @@ TEST_CASE("import refuses a radar recording without a range profile and reports 
     mangled.push_back(b);
   }
   refuses(mangled, "line ends were converted because the file was saved as text");
-  // Two bytes CR are missing in each frame.
+  // One byte CR is missing in each frame.
   Bytes shorter = RadarFile().frames(1, 20).bytes;
-  for (std::size_t i = 60; i + 1 < shorter.size(); i += 190) {
+  for (std::size_t i = 60; i + 1 < shorter.size(); i += 191) {
     shorter[i] = '\n';
-    const auto at = shorter.begin() + static_cast<std::ptrdiff_t>(i);
-    shorter.erase(at + 1, at + 3);
+    shorter.erase(shorter.begin() + static_cast<std::ptrdiff_t>(i + 1));
   }
   refuses(shorter, "CR LF became LF");
   refuses(Bytes(5000, 0xf3), "was the file recorded at the data port's baud rate?");
