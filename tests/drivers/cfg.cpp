@@ -67,6 +67,11 @@ TEST_CASE("the cfg parser reports values that the radar would refuse and compute
       {"% a", "# a", "x.cfg:1: # is not a command; comments begin with %"},
       {"sensorStart", "peakGrouping 1 1 1 1 229\nsensorStart",
        "x.cfg:26: peakGrouping is a command of SDK 1 or 2"},
+      {"sensorStart", "sensorStart 1", ""},  // an argument other than 0 has no effect
+      {"sensorStart", "sensorStart 0",
+       "x.cfg:26: sensorStart 0 starts the radar without the settings above; expected sensorStart"},
+      {"sensorStart", "sensorStart\nsensorStop",
+       "x.cfg:27: sensorStop stops the radar that sensorStart started"},
       {"sensorStart", "myCfg 1\nsensorStart",
        "x.cfg:26: myCfg is not a command of the demo of SDK 3.4 to 3.6"},
       {"sensorStart", "bpmCfg -1 0 0 a\nsensorStart", "x.cfg:26: bpmCfg 'a' is not a number"}};
