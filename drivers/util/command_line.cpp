@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cctype>
+#include <cmath>
 #include <cstdlib>
 #include <memory>
 #include <regex>
@@ -134,6 +135,11 @@ class Readable final : public CLI::Formatter {
   }
 };
 
+// CLI11 accepts "nan" for a number in any range.
+std::string finite(const std::string& text) {
+  return std::isfinite(std::strtod(text.c_str(), nullptr)) ? "" : text + ": expected a number";
+}
+
 // `above`: lines at the end of the help that refer to the parents' options.
 void set_up(CLI::App& app, const std::shared_ptr<CLI::FormatterBase>& formatter,
             const std::string& above = {}, const std::string& path = {}) {
@@ -147,9 +153,11 @@ void set_up(CLI::App& app, const std::shared_ptr<CLI::FormatterBase>& formatter,
     app.footer(app.get_footer() + (app.get_footer().ends_with("\n") ? "\n" : "\n\n") + above);
   const std::string name = path + app.get_name();
   std::string own;
-  for (const CLI::Option* option : app.get_options())
+  for (CLI::Option* option : app.get_options()) {
+    if (option->get_type_name().find("FLOAT") != std::string::npos) option->check(finite);
     if (option != app.get_help_ptr() && option != app.get_version_ptr())
       own += (own.empty() ? "" : ", ") + option->get_name();
+  }
   if (!own.empty()) own += ": see " + name + " --help\n";
   for (CLI::App* sub : below) set_up(*sub->fallthrough(), formatter, own + above, name + " ");
 }
