@@ -16,7 +16,7 @@ namespace echofuse::acquire {
 namespace {
 
 constexpr std::uint64_t enough_exposures = 10;
-constexpr double enough_s = 1, overlap = 1.5;
+constexpr double enough_s = 1, overlap = 1.2;
 constexpr std::size_t enough_profiles = 20, enough_maps = 10;
 constexpr double farthest_m = 300, least_median_mm = 20;
 

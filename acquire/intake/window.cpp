@@ -164,7 +164,11 @@ void Windows::add(const HistogramFrame& frame) {
   add_lost(Sensor::spd, middle, frame.lost_before);
   const std::uint64_t clicks = frame.clicks();
   Slot* slot = find(Sensor::spd, middle, frame.pulses + clicks);
-  if (!slot || refused_[Sensor::spd]) return;
+  if (!slot) return;
+  if (refused_[Sensor::spd]) {
+    ++slot->arrived[Sensor::spd].lost, slot->arrived[Sensor::spd].fault = axis_changed;
+    return;
+  }
   slot->summed.resize(frame.counts.size());
   for (std::size_t i = 0; i < frame.counts.size(); ++i)
     slot->summed[i] += std::min(frame.counts[i], UINT32_MAX - slot->summed[i]);
@@ -186,8 +190,8 @@ void Windows::take_profile(Slot& slot, const RadarFrame& frame, HostTime taken) 
   const auto axis = axes_.find("radar");
   const std::size_t bins = frame.power.size();
   Arrived& radar = slot.arrived[Sensor::radar];
-  if (bins == 0) {
-    radar.fault = {VerdictKind::no_profile, {}};
+  if (std::ranges::all_of(frame.power, [](float p) { return p == 0; })) {
+    radar.fault = {VerdictKind::no_profile, bins > 0 ? "all bins are zero" : ""};
   } else if (refused_[Sensor::radar]) {
     radar.fault = axis_changed;
   } else if (axis == axes_.end() || axis->second.count != bins) {
@@ -240,7 +244,8 @@ void Windows::add(DepthFrame frame) {
 record::Verdict Windows::spd_fault(const Slot& slot, HostTime end) const {
   const TagCounts tags = slot.tags();
   const Arrived& spd = slot.arrived[Sensor::spd];
-  if (refused_[Sensor::spd]) return axis_changed;
+  if (slot.summed.empty() && (refused_[Sensor::spd] || spd.fault.kind == VerdictKind::other_axis))
+    return axis_changed;
   if (sends_histograms_ && slot.summed.empty())
     return {VerdictKind::no_histograms,
             spd.late > 0 ? "histograms arrived after their slot was closed" : ""};

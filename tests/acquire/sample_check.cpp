@@ -55,6 +55,8 @@ TEST_CASE("mistakes of a histogramming board are reported once") {
   says(run([&](HistogramFrame& f, int) { add(f); }), "counts fall in no bin over ten exposures");
   says(run([](HistogramFrame& f, int) { f.exposure_us = 1'000'000; }),
        "exposures add up to 20 times the time between them");
+  says(run([](HistogramFrame& f, int) { f.exposure_us = 65'000; }),
+       "exposures add up to 1.3 times the time between them");
   says(run([](HistogramFrame& f, int k) {
          f.exposure_us = 5'000'000;
          f.device_time_us = static_cast<std::uint64_t>(5'000'000 * k);

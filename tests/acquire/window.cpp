@@ -197,6 +197,20 @@ TEST_CASE("the range profile of a record is the mean over its frames, also for a
   CHECK(sync(r, Sensor::radar).span_s == 0.2);
 }
 
+TEST_CASE("a range profile of zeros is not used") {
+  Windows windows = make_windows({Sensor::radar});
+  for (std::uint32_t i = 0; i < 5; ++i) {
+    const float scale = i % 2 == 0 ? 1.0F : 0.0F;
+    windows.add(radar_frame(10s + i * 100ms, 7 + i, {0, 100 * scale, 50 * scale, 10 * scale}));
+  }
+  const auto mixed = windows.close({0, false});
+  CHECK(power(mixed) == std::vector<float>{0, 100, 50, 10});
+  CHECK(sync(mixed, Sensor::radar).used == 3);
+  windows.add(radar_frame(11s + 500ms, 12, {0, 0, 0, 0}));
+  CHECK(sync(windows.close({1, false}), Sensor::radar).verdict.text() ==
+        "no range profile: all bins are zero");
+}
+
 TEST_CASE("the range profile of a record is the mean power over frames and subframes") {
   Windows windows = make_windows({Sensor::radar});
   double sum = 0, count = 0;
@@ -386,6 +400,17 @@ TEST_CASE("histograms are not used after a counting board reconnects with differ
   windows.add(histogram(10s + 500ms, {1, 2, 3}));
   CHECK(sync(windows.close({0, false}), Sensor::spd).verdict.text() ==
         "other axis: differs from the one at the start of the run");
+  // If only some histograms of a slot are refused, they are counted as lost.
+  for (const auto& [end, width_ps] :
+       {std::pair{11s + 200ms, 92.5}, {11s + 400ms, 100.0}, {11s + 900ms, 92.5}}) {
+    windows.announce(board_info(width_ps));
+    windows.add(histogram(end, {1, 1, 1}));
+  }
+  windows.announce(board_info(100));
+  const auto mixed = windows.close({1, false});
+  CHECK(mixed.has(Sensor::spd));
+  CHECK(counts(mixed) == std::vector<std::uint32_t>{2, 2, 2});
+  CHECK(sync(mixed, Sensor::spd).lost == 1);
 }
 
 TEST_CASE("histograms are not used after a detector reconnects with different zones") {
