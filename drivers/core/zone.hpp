@@ -34,13 +34,14 @@ inline bool operator==(const Zone& a, const Zone& b) {
   return same(a.x, b.x) && same(a.y, b.y) && same(a.width, b.width) && a.zero_ps == b.zero_ps;
 }
 
-// Returns true if both zones look in the same direction, or both directions are unknown. Tangents
-// may differ by 0.01, because two boards of the same type may differ by this much.
-inline bool same_direction(const Zone& a, const Zone& b) {
+// Returns true if both zones have the same field of view, or both are unknown. Tangents may differ
+// by 0.01, because two boards of the same type may differ by this much, and widths by twice this.
+inline bool same_view(const Zone& a, const Zone& b) {
   constexpr double tolerance = 0.01;
   return a.has_direction() == b.has_direction() &&
          (!a.has_direction() ||
-          (std::abs(a.x - b.x) < tolerance && std::abs(a.y - b.y) < tolerance));
+          (std::abs(a.x - b.x) < tolerance && std::abs(a.y - b.y) < tolerance &&
+           std::abs(a.width - b.width) < 2 * tolerance));
 }
 
 using Zones = std::vector<Zone>;

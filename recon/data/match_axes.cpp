@@ -21,11 +21,14 @@ std::string describe(const Axis& a) {
 std::string difference(const Zones& found, const Zones& wanted) {
   if (found.size() != wanted.size())
     return format("%zu zones, expected %zu", found.size(), wanted.size());
-  const auto [a, b] = std::ranges::mismatch(found, wanted, same_direction);
+  const auto [a, b] = std::ranges::mismatch(found, wanted, same_view);
   if (a == found.end()) return {};
   const auto known = [](const Zone& zone) { return zone.has_direction() ? "known" : "unknown"; };
   if (a->has_direction() != b->has_direction())
     return format("the directions of the zones are %s, expected %s", known(*a), known(*b));
+  if (same_view({b->x, b->y, a->width}, *a))
+    return format("zone %td has width %.2f (tangents), expected %.2f", a - found.begin(), a->width,
+                  b->width);
   return format(
       "zone %td is at x %.2f, y %.2f (tangents), expected x %.2f, y %.2f; are the zones in another "
       "order?",
@@ -110,7 +113,7 @@ bool agree(const ColumnAxis& a, const ColumnAxis& b) {
   if (a.count != b.count || a.count == 0) return a.count == b.count;
   ColumnAxis other = b;
   other.zones = a.zones;
-  return same_axis(a, other) && std::ranges::equal(a.zones, b.zones, same_direction);
+  return same_axis(a, other) && std::ranges::equal(a.zones, b.zones, same_view);
 }
 
 bool is_near(const ColumnAxis& found, const ColumnAxis& wanted) {
@@ -118,7 +121,7 @@ bool is_near(const ColumnAxis& found, const ColumnAxis& wanted) {
   return found.quantity == wanted.quantity && found.unit == wanted.unit &&
          found.scale == wanted.scale && found.count >= wanted.count &&
          off(0) <= std::abs(wanted.step) && off(wanted.count) <= std::abs(wanted.step) &&
-         std::ranges::equal(found.zones, wanted.zones, same_direction);
+         std::ranges::equal(found.zones, wanted.zones, same_view);
 }
 
 Axis radar_bins(double width_m) {

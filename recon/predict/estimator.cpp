@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "recon/predict/estimator.hpp"
 
+#include <array>
 #include <chrono>
 #include <cmath>
 
@@ -25,21 +26,22 @@ void archive_axis(Archive archive, Axis& axis) {
   archive.number("scale", axis.scale, -1e9, 1e9);
 }
 
-// A single pixel has no zones in the file. The directions of the zones are stored if they are all
-// known.
+// A single pixel has no zones in the file. The directions and widths of the zones are stored if
+// they are all known.
 void archive_zones(Archive archive, Zones& zones) {
   std::size_t count = zones.size() > 1 ? zones.size() : 0;
   archive.count("zones", count, 0, static_cast<std::int64_t>(most_zones));
   zones.resize(std::max<std::size_t>(count, 1));
   const bool known = count > 0 && std::ranges::all_of(zones, &Zone::has_direction);
   if (!archive.part("knows_directions", known)) return;
-  Matrix directions(count, 2);
+  constexpr std::array members{&Zone::x, &Zone::y, &Zone::width};
+  Matrix views(count, members.size());
   for (std::size_t z = 0; z < count; ++z)
-    directions.row(z)[0] = static_cast<float>(zones[z].x),
-    directions.row(z)[1] = static_cast<float>(zones[z].y);
-  archive.table("zone_directions", directions, count, 2);
+    for (std::size_t k = 0; k < members.size(); ++k)
+      views.row(z)[k] = static_cast<float>(zones[z].*members[k]);
+  archive.table("zone_views", views, count, members.size());
   for (std::size_t z = 0; z < count; ++z)
-    zones[z].x = double{directions.row(z)[0]}, zones[z].y = double{directions.row(z)[1]};
+    for (std::size_t k = 0; k < members.size(); ++k) zones[z].*members[k] = double{views.row(z)[k]};
 }
 
 void archive_features(Archive archive, Features& f, bool views) {

@@ -161,7 +161,7 @@ def test_zones_example_compares_detectors_with_one_and_nine_zones():
     assert iou["9", "nearest:spd"] > iou["1", "nearest:spd"] > iou["1", "mean"] == 0
 
 
-@pytest.mark.parametrize("name, said", [("zones are mirrored", "another order"),
+@pytest.mark.parametrize("name, said", [("zones are mirrored", "another order"), ("zones are narrower", "width"),
                                         ("zones have no directions", "the directions of the zones are unknown, expected known")])
 def test_models_of_zones_refuse_other_directions_in_python_and_in_the_programs(tmp_path, name, said):
     own = plates("nine_zones", 40)

@@ -179,6 +179,8 @@ TEST_CASE("a model of zones refuses zones in another order, mirrored or without 
                       for (Zone& zone : zones) zone.y = -zone.y;
                     }),
                     Contains(": zone 0 is at"));
+  CHECK_THROWS_WITH(prepared([](Zones& zones) { zones[4].width = 0.5; }),
+                    Contains("zone 4 has width 0.50 (tangents), expected "));
   CHECK_THROWS_WITH(prepared([](Zones& zones) { zones = Zones(zones.size()); }),
                     Contains("the directions of the zones are unknown, expected known"));
 }

@@ -29,8 +29,8 @@ from .response import MUCH_NARROWER, Response, filter_between, filtered, stated_
 
 __all__ = ["Estimator", "Maps", "Model", "load_model", "read_safetensors"]
 
-# Tolerance of the tangents of a zone's direction (recon/data/dataset.hpp).
-DIRECTION_TOLERANCE = 0.01
+# Tolerances of the tangents of a zone's direction (x, y) and width (drivers/core/zone.hpp).
+ZONE_TOLERANCES = np.array([0.01, 0.01, 0.02])
 
 
 def read_safetensors(path: str | pathlib.Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
@@ -334,14 +334,14 @@ def zones_of(estimator: Estimator, run: runs.Run | Arrays, photons: NDArray[Any]
         raise ValueError(f"{run.path}: the detector has {found} zones (expected by the model: "
                          f"{zones})")
     if not isinstance(run, Arrays):
-        directions = np.array([(zone.x, zone.y) for zone in run.zones])
-        known, expected = bool(np.isfinite(directions).all()), estimator.t.get("zone_directions")
+        views = np.array([(zone.x, zone.y, zone.width) for zone in run.zones])
+        known, expected = bool(np.isfinite(views).all()), estimator.t.get("zone_views")
         if known != (expected is not None):
             raise ValueError(f"{run.path}: the directions of the zones are "
                              + ("known, expected unknown" if known else "unknown, expected known"))
-        if known and not (np.abs(directions - expected) < DIRECTION_TOLERANCE).all():
-            raise ValueError(f"{run.path}: the detector zones look in other directions than those "
-                             "in training; are they in another order?")
+        if known and not (np.abs(views - expected) < ZONE_TOLERANCES).all():
+            raise ValueError(f"{run.path}: the detector zones have other directions or widths than "
+                             "those in training; are they in another order?")
     return np.stack([estimator.matched("spd", run.axes["spd"], photons[rows, k])
                      for k in range(zones)], 1)
 
