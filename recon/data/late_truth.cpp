@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <vector>
 
 #include "drivers/util/format.hpp"
@@ -12,7 +13,8 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr std::size_t least_pairs = 30;
+constexpr std::size_t least_pairs = 30, block_records = 100;
+constexpr int most_lag = 5;
 constexpr double least_correlation = 0.3;
 // Minimum difference between two correlation coefficients, in standard errors of their Fisher
 // z-transforms.
@@ -38,48 +40,76 @@ double mean_depth(std::span<const float> map) {
   return pixels > 0 ? sum / pixels : NAN;
 }
 
-// Returns the warning for one run, or an empty string. `range` (bins) and `depth` (m) have one
-// value per row of the data.
-std::string late_truth_of(const Dataset& data, const Source& run, const std::vector<double>& range,
-                          const std::vector<double>& depth) {
-  // Uses a row only if its own map and the maps of both neighbouring records are known. All three
-  // correlations are then computed from the same rows.
-  std::vector<double> ranges;
-  std::vector<std::vector<double>> depths(3);
-  for (std::size_t row = run.first + 1; row + 1 < run.first + run.count; ++row) {
-    const auto follows = [&](std::size_t i) { return data.index[i] + 1 == data.index[i + 1]; };
-    if (!follows(row - 1) || !follows(row) || std::isnan(range[row]) ||
-        std::isnan(depth[row - 1] + depth[row] + depth[row + 1]))
-      continue;
-    ranges.push_back(range[row]);
-    for (std::size_t k = 0; k < 3; ++k) depths[k].push_back(depth[row + k - 1]);
+// Mean range of the histogram (bins) and mean depth of the map (m) of each row; NaN if unknown.
+struct Means {
+  std::vector<double> range, depth;
+};
+
+// Maps `lag` records after those of the histograms fit best, and clearly better than the own maps.
+struct Lag {
+  int lag = 0;
+  double correlation = 0, own = 0, errors = clear;
+};
+
+Lag lag_of(const Dataset& data, const Means& means, std::size_t begin, std::size_t end) {
+  Lag found;
+  for (int lag = -most_lag; lag <= most_lag; ++lag) {
+    // Both correlations of a lag are computed from the same rows.
+    std::vector<double> ranges, own, other;
+    for (std::size_t row = begin; row < end; ++row) {
+      const std::size_t of = row + static_cast<std::size_t>(lag);
+      if (of < begin || of >= end || data.index[row] + lag != data.index[of] ||
+          std::isnan(means.range[row] + means.depth[row] + means.depth[of]))
+        continue;
+      ranges.push_back(means.range[row]);
+      own.push_back(means.depth[row]), other.push_back(means.depth[of]);
+    }
+    if (lag == 0 || ranges.size() < least_pairs) continue;
+    const double with_own = correlation(ranges, own), with_other = correlation(ranges, other);
+    const double error = std::sqrt(2 / static_cast<double>(ranges.size() - 3));
+    const double errors = (fisher_z(with_other) - fisher_z(with_own)) / error;
+    if (with_other >= least_correlation && errors >= found.errors)
+      found = {lag, with_other, with_own, errors};
   }
-  if (ranges.size() < least_pairs) return {};
-  const double before = correlation(ranges, depths[0]), own = correlation(ranges, depths[1]),
-               after = correlation(ranges, depths[2]), best = std::max(before, after);
-  const double error = std::sqrt(2 / static_cast<double>(ranges.size() - 3));
-  if (best < least_correlation || fisher_z(best) - fisher_z(own) < clear * error) return {};
-  return printable(run.path) +
+  return found;
+}
+
+// Returns the warning for one run, or an empty string.
+std::string late_truth_of(const Dataset& data, const Source& run, const Means& means) {
+  const std::size_t end = run.first + run.count;
+  Lag found = lag_of(data, means, run.first, end);
+  std::string where;
+  const std::size_t blocks = run.count < block_records ? 0 : 2 * run.count / block_records;
+  for (std::size_t k = 0; found.lag == 0 && k < blocks; ++k) {
+    const std::size_t at = std::min(run.first + k * block_records / 2, end - block_records);
+    found = lag_of(data, means, at, at + block_records);
+    where = format("records %lld to %lld: ", static_cast<long long>(data.index[at]),
+                   static_cast<long long>(data.index[at + block_records - 1]));
+  }
+  if (found.lag == 0) return {};
+  const int count = std::abs(found.lag);
+  const std::string records = std::to_string(count) + (count == 1 ? " record" : " records");
+  return printable(run.path) + ": " + where +
          format(
-             ": histogram ranges fit the depth maps of the %s records (correlation %.2f) "
-             "better than those of their own records (%.2f): the maps are one record %s; shift "
-             "them by one record",
-             after > before ? "next" : "previous", best, own, after > before ? "late" : "early");
+             "histogram ranges fit the depth maps %s %s (correlation %.2f) better than their own "
+             "(%.2f): the maps are %s %s; shift them by %s",
+             records.c_str(), found.lag > 0 ? "later" : "earlier", found.correlation, found.own,
+             records.c_str(), found.lag > 0 ? "late" : "early", records.c_str());
 }
 
 }  // namespace
 
 std::string late_truth(const Dataset& data) {
   if (data.spd().axis.count == 0 || data.depth().cols == 0) return {};
-  std::vector<double> range(data.size(), NAN), depth(data.size(), NAN);
+  Means means{std::vector<double>(data.size(), NAN), std::vector<double>(data.size(), NAN)};
   for (std::size_t row = 0; row < data.size(); ++row) {
     if (data.has(row, Sensor::spd) && data.doubt_of(row, Inputs::spd, false).empty())
-      range[row] = mean_bin(data.counts(row));
-    if (data.sound_depth(row)) depth[row] = mean_depth(data.depth().row(row));
+      means.range[row] = mean_bin(data.counts(row));
+    if (data.sound_depth(row)) means.depth[row] = mean_depth(data.depth().row(row));
   }
   std::string out;
   for (const Source& run : data.sources)
-    if (const std::string line = late_truth_of(data, run, range, depth); !line.empty())
+    if (const std::string line = late_truth_of(data, run, means); !line.empty())
       out += (out.empty() ? "" : "\n") + line;
   return out;
 }
