@@ -4,19 +4,17 @@
 #include <sys/mman.h>
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
 #include <cstdio>
 #include <limits>
 #include <memory>
-#include <numeric>
 #include <optional>
-#include <ranges>
 
 #include "acquire/measurement/detector.hpp"
 #include "acquire/record/run_names.hpp"
 #include "drivers/core/crc32c.hpp"
 #include "drivers/util/printable.hpp"
+#include "recon/data/copies.hpp"
 #include "recon/data/depth_check.hpp"
 #include "recon/data/lags.hpp"
 #include "recon/data/pile_up.hpp"
@@ -130,7 +128,9 @@ class Appender {
     data_.valid.push_back(r.valid.bits());
     auto& verdicts = data_.verdicts.emplace_back();
     for (const Sensor s : all_sensors) verdicts[s] = r.sync[s].verdict.kind;
-    data_.content.push_back(hash_of(r));
+    using enum record::VerdictKind;
+    const auto kind = r.sync[Sensor::spd].verdict.kind;
+    data_.content.push_back(kind == weak || kind == stands_still ? 0 : fingerprint_of(r));
     data_.index.push_back(r.index);
     data_.slot_end.push_back(r.slot_end);
     data_.clicks_per_pulse.push_back(a_pulse);
@@ -173,44 +173,6 @@ class Appender {
         return "spd bin " + std::to_string(i) + " contains " + std::to_string(r.spd[i]) +
                " clicks, more than a time tagger can send";
     return {};
-  }
-  // Returns a hash of the counts, which is used to find copies of records; 0 if another record
-  // could have equal counts by chance. Two Poisson counts of mean n are equal with probability 1 /
-  // (2 sqrt(pi n)).
-  static std::int64_t hash_of(const record::FusedRecord& r) {
-    // Minimum number of clicks above the background that is required for a hash.
-    constexpr double least_clicks = 100;
-    constexpr double most_log_chance = -30;
-    if (!r.has(Sensor::spd)) return r.radar.empty() ? 0 : hash_of_words(r.radar);
-    using enum record::VerdictKind;
-    if (const auto kind = r.sync[Sensor::spd].verdict.kind; kind == weak || kind == stands_still)
-      return 0;
-    const auto first = std::ranges::find_if(r.spd, [](auto n) { return n > 0; });
-    const auto last = std::find_if(r.spd.rbegin(), r.spd.rend(), [](auto n) { return n > 0; });
-    if (first == r.spd.end()) return 0;
-    const std::span<const std::uint32_t> counts(first, last.base());
-    std::vector<float> values(counts.begin(), counts.end());
-    const double clicks = std::accumulate(values.begin(), values.end(), 0.0);
-    const double background = double{quantile(values, 0.5)} * static_cast<double>(values.size());
-    // Logarithm of the probability that another record of the same scene has equal counts.
-    double log_chance = 0;
-    for (auto n = values.begin(); n < values.end() && log_chance > most_log_chance; ++n)
-      if (*n > 0) log_chance -= std::log(4 * M_PI * double{*n}) / 2;
-    if (clicks - background < least_clicks || log_chance > most_log_chance) return 0;
-    // Counts that have been multiplied by an integer have the hash of the original counts.
-    const std::uint32_t unit = std::accumulate(counts.begin(), counts.end(), 0u,
-                                               [](auto a, auto n) { return std::gcd(a, n); });
-    return hash_of_words(std::views::transform(counts, [&](auto n) { return n / unit; }));
-  }
-  // Computes a variant of the FNV-1a hash that processes 32-bit words instead of bytes.
-  template <class Words>
-  static std::int64_t hash_of_words(const Words& words) {
-    std::uint64_t hash = 0xcbf29ce484222325;
-    for (const auto word : words) {
-      hash = (hash ^ std::bit_cast<std::uint32_t>(word)) * 0x100000001b3;
-      hash ^= hash >> 32;
-    }
-    return static_cast<std::int64_t>(hash);
   }
   // Returns true if the value is a valid power. The limit is below the largest float, so that
   // interpolation cannot overflow.

@@ -84,12 +84,8 @@ struct Dataset {
   // verdicts.
   std::vector<PerSensor<record::VerdictKind>> verdicts;
   Exclusions exclusions;
-  // Hash that is used to find copies of records, computed from the SPD counts between the first and
-  // the last nonzero bin, divided by their greatest common divisor, or from the radar values if the
-  // SPD is missing. 0: no hash, because the record has too few clicks or is doubtful. The vector
-  // may be empty.
-  std::vector<std::int64_t> content;
-  std::vector<std::int64_t> index;  // index of the record in its run
+  std::vector<std::int64_t> content;  // fingerprints (recon/data/copies.hpp); may be empty
+  std::vector<std::int64_t> index;    // index of the record in its run
   std::vector<HostTime> slot_end;
   // Number of clicks per laser pulse; 0 if it is unknown or pile-up has been corrected.
   std::vector<double> clicks_per_pulse;

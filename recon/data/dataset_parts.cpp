@@ -8,6 +8,7 @@
 
 #include "drivers/util/format.hpp"
 #include "drivers/util/printable.hpp"
+#include "recon/data/copies.hpp"
 #include "recon/data/dataset.hpp"
 #include "recon/numbers/statistics.hpp"
 
@@ -29,16 +30,15 @@ bool Dataset::has_inputs(std::size_t row, Inputs inputs) const {
 
 std::vector<std::string> Dataset::left_out(Inputs inputs) const {
   constexpr PerSensor<const char*> missing{"SPD missing", "radar missing", "camera missing"};
-  std::map<std::int64_t, std::size_t> first_of_content;
+  Copies copies;
   const auto reason = [&](std::size_t row) -> std::string {
     for (const Sensor s : all_sensors)
       if ((s == Sensor::depth || sensors_of(inputs).contains(s)) && !has(row, s)) return missing[s];
     if (!has_inputs(row, inputs)) return "antennas missing";
     if (std::string kind = doubt_of(row, inputs); !kind.empty()) return kind;
     if (!fault_of(row, inputs).empty()) return dead_record;
-    const std::int64_t own = content.empty() ? 0 : content[row];
-    const std::size_t first = first_of_content.try_emplace(own, row).first->second;
-    if (own == 0 || first == row) return {};
+    const std::size_t first = copies.first(content.empty() ? 0 : content[row], row);
+    if (first == row) return {};
     if (source_of(first) == source_of(row)) return twice_in_run;
     return "also in " + printable(sources[source_of(first)].path);
   };

@@ -14,6 +14,7 @@
 #include "drivers/util/format.hpp"
 #include "drivers/util/npy.hpp"
 #include "drivers/util/printable.hpp"
+#include "recon/data/copies.hpp"
 #include "recon/data/files.hpp"
 #include "recon/maps/png.hpp"
 
@@ -176,16 +177,16 @@ std::vector<std::string> left_out_of_maps(const std::vector<WrittenMaps>& folder
     if (!maps.uuid.empty() && maps.uuid != run.uuid)
       refuse(maps.name, "contains maps of another run, " + printable(maps.path) +
                             "; expected maps of " + printable(run.path));
-  std::set<std::int64_t> counts;
+  Copies copies;
   std::vector<std::string> out(data.size());
   for (std::size_t row = 0; row < data.size(); ++row) {
-    const std::int64_t index = data.index[row], content = data.content[row];
+    const std::int64_t index = data.index[row];
     out[row] = data.has(row, Sensor::depth) ? data.doubt_of(row, Inputs::fused) : "camera missing";
     if (!out[row].empty()) continue;
     for (const WrittenMaps& maps : folders) {
       if (!all && maps.trained_on.contains(index)) out[row] = trained_on_record;
     }
-    if (out[row].empty() && content != 0 && !counts.insert(content).second) out[row] = twice_in_run;
+    if (out[row].empty() && copies.first(data.content[row], row) != row) out[row] = twice_in_run;
   }
   return out;
 }

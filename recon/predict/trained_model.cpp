@@ -5,6 +5,8 @@
 #include <map>
 #include <set>
 
+#include "recon/data/copies.hpp"
+
 namespace echofuse::recon {
 namespace {
 
@@ -99,10 +101,10 @@ bool TrainedModel::knows(const Dataset& data) const {
 }
 
 Rows TrainedModel::rows_trained_on(const Dataset& data) const {
-  std::set<std::int64_t> known;
+  Copies known;
   for (std::size_t i = 0; i < training.hash.size(); ++i)
-    if (training.part[i] != static_cast<std::uint8_t>(Subset::test)) known.insert(training.hash[i]);
-  known.erase(0);
+    if (training.part[i] != static_cast<std::uint8_t>(Subset::test))
+      known.first(training.hash[i], i);
   std::set<std::size_t> rows;
   for (std::size_t row = 0; row < data.content.size(); ++row)
     if (known.contains(data.content[row])) rows.insert(row);

@@ -8,11 +8,11 @@
 #include <iterator>
 #include <limits>
 #include <optional>
-#include <set>
 #include <span>
 
 #include "drivers/util/console.hpp"
 #include "drivers/util/exit_code.hpp"
+#include "recon/data/copies.hpp"
 #include "recon/data/late_truth.hpp"
 #include "recon/numbers/parallel.hpp"
 
@@ -148,11 +148,11 @@ std::vector<std::string> left_out_of_evaluation(const TrainedModel& model, const
   else if (!all)
     for (const std::size_t row : model.rows_trained_on(data))
       if (out[row].empty()) out[row] = trained_on_record;
-  std::set<std::int64_t> counts;
+  Copies copies;
   for (std::size_t row = 0; row < data.size(); ++row) {
     if (out[row].empty()) out[row] = doubt_of(model, data, row);
-    if (!out[row].empty() || data.content.empty() || data.content[row] == 0) continue;
-    if (!counts.insert(data.content[row]).second) out[row] = twice_in_run;
+    if (!out[row].empty() || data.content.empty()) continue;
+    if (copies.first(data.content[row], row) != row) out[row] = twice_in_run;
   }
   return out;
 }
@@ -284,12 +284,12 @@ std::vector<ScoredRow> score_baselines(const Dataset& data, const Rows& rows,
                                        const SceneModel& scene, const Dataset& neighbours_data,
                                        Rows neighbours, const std::string& title) {
   const auto inputs = common_inputs(data, neighbours_data);
-  std::set<std::int64_t> scored_content;
+  Copies scored_records;
   for (const std::size_t row : rows)
-    if (!data.content.empty() && data.content[row] != 0) scored_content.insert(data.content[row]);
+    if (!data.content.empty()) scored_records.first(data.content[row], row);
   std::erase_if(neighbours, [&](std::size_t row) {
     return !neighbours_data.content.empty() &&
-           scored_content.contains(neighbours_data.content[row]);
+           scored_records.contains(neighbours_data.content[row]);
   });
   const bool with_nearest = !neighbours.empty() && inputs;
   Progress progress(title, with_nearest ? 3 : 2, title.empty());

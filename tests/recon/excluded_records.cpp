@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: MIT
 // Tests which records are excluded from training and evaluation: damaged, dead, doubtful and
 // duplicate records.
+#include <cmath>
 #include <limits>
 #include <nlohmann/json.hpp>
 
+#include "recon/data/copies.hpp"
 #include "recon/data/dataset.hpp"
 #include "recon/train/train.hpp"
 #include "world.hpp"
@@ -104,7 +106,7 @@ TEST_CASE("records with lost frames are counted, and are used unless a setting e
   CHECK(data.usable(Inputs::spd).size() == 38);
 }
 
-TEST_CASE("a copied record has the same content hash in every run") {
+TEST_CASE("a copied record has the same fingerprint in every run") {
   const Folder dir;
   a_run(6).write(dir / "a"), a_run(3).write(dir / "b"), a_run(3, 2).write(dir / "c");
   const Dataset a = load({dir / "a"});
@@ -258,11 +260,23 @@ TEST_CASE(
       for (std::uint32_t& count : counts(r)) count *= 3;
     if (how == "dropped") r.valid.erase(Sensor::radar), power(r).clear();
     if (how == "label") r.label = "other";
+    if (how == "one more") ++counts(r)[0];
+    if (how == "doubled, one less") {
+      for (std::uint32_t& count : counts(r)) count *= 2;
+      --*std::ranges::max_element(counts(r));
+    }
+    if (how == "shifted") counts(r).insert(counts(r).begin(), 0), counts(r).pop_back();
   };
-  for (const std::string how : {"scaled", "tripled", "dropped", "label"}) {
+  const Dataset a = load({dir / "a"});
+  Copies originals;
+  for (std::size_t row = 0; row < 60; ++row) CHECK(originals.first(a.content[row], row) == row);
+  for (const std::string how :
+       {"scaled", "tripled", "dropped", "label", "one more", "doubled, one less", "shifted"}) {
     CAPTURE(how);
     a_run(60, 1, [&](FusedRecord& r) { change(how, r); }).write(dir / how);
-    CHECK(load({dir / how}).content == load({dir / "a"}).content);
+    const Dataset copies = load({dir / how});
+    for (std::size_t row = 0; row < 60; ++row)
+      CHECK(originals.first(copies.content[row], 99) == row);
   }
   refuses("evaluate -q " + model + " " + (dir / "scaled"), 1, "are copies of training records");
   Axis longer = spd_axis();
@@ -271,6 +285,24 @@ TEST_CASE(
       .spd(longer)
       .write(dir / "padded");
   CHECK(load({dir / "padded"}).content == load({dir / "a"}).content);
+}
+
+TEST_CASE("records of a still scene are not copies of each other") {
+  Rng rng = make_rng(4, 0);
+  FusedRecord r;
+  r.accept(Sensor::spd);
+  for (const double clicks : {300.0, 3e3, 1e5}) {
+    Copies copies;
+    for (std::size_t i = 0; i < 5000; ++i) {
+      counts(r).clear();
+      for (int bin = 0; bin < 100; ++bin) {
+        const double mean = 0.5 + clicks / 12 * std::exp(-0.5 * std::pow((bin - 40) / 5.0, 2));
+        counts(r).push_back(std::poisson_distribution<std::uint32_t>(mean)(rng));
+      }
+      const std::int64_t fingerprint = fingerprint_of(r);
+      if (fingerprint == 0 || copies.first(fingerprint, i) != i) FAIL_CHECK(clicks);
+    }
+  }
 }
 
 TEST_CASE(
