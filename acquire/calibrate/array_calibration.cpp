@@ -16,9 +16,9 @@ namespace {
 
 using AntennaSamples = Eigen::MatrixXcd;  // rows: antennas; columns: frames
 
-constexpr std::size_t least_frames = 8;
-constexpr double least_snr_db = 10;
-constexpr double least_share = 0.9;  // minimum fraction of the total power in the strongest wave
+constexpr std::size_t min_frames = 8;
+constexpr double min_snr_db = 10;
+constexpr double min_share = 0.9;  // minimum fraction of the total power in the strongest wave
 constexpr double weakest_gain = 0.03;
 // Mean square of the rounding error of the real or imaginary part of a sample.
 constexpr double rounding_power = 1.0 / 12;
@@ -45,7 +45,7 @@ AntennaFit fit_wave(const AntennaSamples& x) {
   const AntennaSamples covariance = x * x.adjoint() / frames;
   const Eigen::SelfAdjointEigenSolver<AntennaSamples> solver(covariance);
   const double all = covariance.trace().real(), wave = solver.eigenvalues().maxCoeff();
-  if (!(wave >= least_share * all)) {
+  if (!(wave >= min_share * all)) {
     fit.refusal = format(
         "more than one echo: the strongest wave has %.0f %% of the power (at least 90 %%"
         " needed)",
@@ -76,7 +76,7 @@ AntennaFit fit_wave(const AntennaSamples& x) {
 
 AntennaFit fit_antennas(const ArrayFrames& frames, std::size_t antennas, std::size_t bin) {
   AntennaFit fit;
-  if (frames.size() < least_frames) {
+  if (frames.size() < min_frames) {
     fit.refusal = "fewer than 8 frames with antenna samples received";
     return fit;
   }
@@ -85,7 +85,7 @@ AntennaFit fit_antennas(const ArrayFrames& frames, std::size_t antennas, std::si
   for (const std::size_t near : {top - std::min<std::size_t>(top, 1), top + 1})
     if (near < powers.size() && powers[near] > powers[top]) top = near;
   const double snr_db = 10 * std::log10(powers[top] / std::max(median(powers), 1e-9));
-  if (!(snr_db >= least_snr_db)) {
+  if (!(snr_db >= min_snr_db)) {
     fit.refusal = format(
         "no peak in the antenna samples at the reflector: peak/median %.1f dB"
         " (at least 10 dB needed)",

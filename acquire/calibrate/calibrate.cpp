@@ -230,7 +230,7 @@ class Measurement {
     return {.step_m = profile.range_step_m, .resolution_m = profile.resolution_m};
   }
   bool is_bridged() const { return !config_.radar.address.empty(); }
-  Peak echo(const Profiles& frames, std::size_t least = least_echo_frames) const {
+  Peak echo(const Profiles& frames, std::size_t least = min_echo_frames) const {
     return fit_echo(frames, echo_axis(), search_of(Sensor::radar), window_.window, least);
   }
   // Fits the echo of each repeat. The fit uses the window that was measured with the reflector, or
@@ -269,7 +269,7 @@ class Measurement {
                                     "Gaussian by maximum likelihood");
     const double a_pulse =
         gatherer_.histogram().gaps().clicks_per_pulse(clicks_, starts_).value_or(0);
-    if (r.peak.refusal.empty() && a_pulse > record::most_clicks_per_pulse)
+    if (r.peak.refusal.empty() && a_pulse > record::max_clicks_per_pulse)
       r.peak.refusal = "saturated: more than one click per 20 laser pulses; attenuate the light";
     if (gatherer_.counting_board)
       r.peak.refusal = "the sensor sends histograms; calibrate supports time taggers only";

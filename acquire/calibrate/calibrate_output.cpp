@@ -53,9 +53,9 @@ nlohmann::ordered_json json_of(const WindowFit& fit) {
 }
 
 void say(const WindowFit& fit) {
-  constexpr double least = 0.02, least_errors = 4;
+  constexpr double least = 0.02, min_errors = 4;
   const auto& [difference, error] = fit.lopsided;
-  if (std::abs(difference) < std::max(least, least_errors * error)) return;
+  if (std::abs(difference) < std::max(least, min_errors * error)) return;
   std::printf(
       "radar  asymmetric response: the %s flank is higher by up to %.1f +- %.1f %% of the peak; "
       "both flanks are stored. If this value changes when the reflector is moved, there is a "

@@ -16,9 +16,9 @@ namespace echofuse::acquire {
 namespace {
 
 constexpr double pi = std::numbers::pi;
-constexpr double least_photon_snr = 10;  // minimum ratio of the amplitude to its standard error
-constexpr double least_echo_db = 10;
-constexpr std::size_t least_bins = 8;
+constexpr double min_photon_snr = 10;  // minimum ratio of the amplitude to its standard error
+constexpr double min_echo_db = 10;
+constexpr std::size_t min_bins = 8;
 // Error of the vertex of a parabola through log powers, in bins. This value applies if there is one
 // bin per resolution cell and the lobe is at most as wide as that of a Hann window.
 constexpr double parabola_error = 0.02;
@@ -262,12 +262,12 @@ std::string unlike_one_echo(const Profile& profile, const EchoPlace& fit, std::s
   constexpr double weakest = 1 / 316.0;
   // Below this signal-to-noise power ratio, the mean log power depends on whether the amplitudes or
   // the powers of echo and noise add.
-  constexpr double least_over_noise = 4;
+  constexpr double min_over_noise = 4;
   for (std::size_t i = 0; i < near; ++i) {
     const auto k = static_cast<Eigen::Index>(i);
     const double off = profile.mean[top - 2 + i] - fit.model[k];
     const double chance = 4 * profile.deviation[top - 2 + i] / std::sqrt(frames);
-    if (fit.power[k] > std::max(weakest * fit.power.maxCoeff(), least_over_noise) &&
+    if (fit.power[k] > std::max(weakest * fit.power.maxCoeff(), min_over_noise) &&
         std::abs(off) > allowed + chance)
       return format("two peaks: the echo differs by %.1f dB from that of a single reflector",
                     10 * std::log10(2.0) * std::abs(off));
@@ -306,9 +306,9 @@ Profile profile_of(const Profiles& frames) {
 }
 
 std::vector<double> log2_powers(std::span<const float> power) {
-  constexpr double least_share = 1e-8;
+  constexpr double min_share = 1e-8;
   const double most = power.empty() ? 0 : *std::max_element(power.begin(), power.end());
-  const double least = std::max(least_share * most, 1e-30);
+  const double least = std::max(min_share * most, 1e-30);
   std::vector<double> out;
   for (const float p : power) out.push_back(std::log2(std::max(double{p}, least)));
   return out;
@@ -339,10 +339,10 @@ Peak fit_photons(std::span<const std::uint32_t> counts, double start_ps, double 
   peak.standard_error_m = fit.centre_error * step_ps / ps_per_m;
   peak.snr_db = 20 * std::log10(std::max(fit.snr, 1e-3));
   const SecondPeak bump = other_bump(counts, fit.peak, window);
-  if (fit.snr < least_photon_snr) {
+  if (fit.snr < min_photon_snr) {
     const PhotonPeakFit strongest = fit_around(counts, wide, all);
     const double range_m = range_of(strongest.peak.centre);
-    if (strongest.snr < least_photon_snr)
+    if (strongest.snr < min_photon_snr)
       peak.refusal = format("SNR too low: the strongest peak is at %.3f m", range_m);
     else
       refuse_outside(peak, range_m, delay_advice(search, range_m));
@@ -383,7 +383,7 @@ Peak fit_echo(const Profiles& frames, const EchoAxis& axis, const Search& search
     peak.refusal = "no peak: fewer than " + std::to_string(least) + " frames received";
     return peak;
   }
-  if (frames[0].size() < least_bins) {
+  if (frames[0].size() < min_bins) {
     peak.refusal = "no peak: the profile has fewer than 8 bins";
     return peak;
   }
@@ -410,9 +410,9 @@ Peak fit_echo(const Profiles& frames, const EchoAxis& axis, const Search& search
     peak.refusal = "saturated: lower the receiver's gain in profileCfg, or move the reflector away";
     return peak;
   }
-  if (peak.snr_db < least_echo_db) {
+  if (peak.snr_db < min_echo_db) {
     const std::size_t strongest = highest(mean, 2, last);
-    if (db_over_floor(strongest) < least_echo_db)
+    if (db_over_floor(strongest) < min_echo_db)
       peak.refusal =
           format("SNR too low: peak/median %.1f dB (at least 10 dB needed)", peak.snr_db);
     else

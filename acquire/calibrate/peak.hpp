@@ -61,9 +61,9 @@ Profile profile_of(const Profiles& frames);
 // the median of the profile. If the resolution is unknown, the range is the vertex of a parabola
 // through the logarithms of three bins. The standard error is derived from the scatter of the
 // frames. The quantisation error of the firmware's codes is added unless noise averages it out.
-inline constexpr std::size_t least_echo_frames = 8;
+inline constexpr std::size_t min_echo_frames = 8;
 Peak fit_echo(const Profiles& frames, const EchoAxis& axis, const Search& search,
-              const Window& window = {}, std::size_t least = least_echo_frames);
+              const Window& window = {}, std::size_t least = min_echo_frames);
 
 inline double spread_of(const std::vector<double>& values) {
   if (values.size() < 2) return 0;

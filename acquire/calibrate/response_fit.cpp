@@ -142,7 +142,7 @@ Fitted fit_counts(const VectorXd& counts, VectorXd start) {
 
 std::string fit_impulse_response(std::span<const std::uint32_t> counts, double start_ps,
                                  double step_ps, const Search& search, record::Response& out) {
-  constexpr double least_photons = 1000, least_gain = 9;
+  constexpr double min_photons = 1000, min_gain = 9;
   const auto bin_of = [&](double range_m) {
     return static_cast<std::size_t>(std::clamp((range_m * ps_per_m - start_ps) / step_ps, 0.0,
                                                static_cast<double>(counts.size())));
@@ -157,7 +157,7 @@ std::string fit_impulse_response(std::span<const std::uint32_t> counts, double s
   const double floor = std::max(sorted[sorted.size() / 4], 1e-3);
   const VectorXd above = (window.array() - floor).cwiseMax(0);
   const double photons = above.sum();
-  if (photons < least_photons) return "fewer than 1000 photons received";
+  if (photons < min_photons) return "fewer than 1000 photons received";
   Index top = 0;
   const double highest = above.maxCoeff(&top);
   VectorXd start(4);
@@ -168,7 +168,7 @@ std::string fit_impulse_response(std::span<const std::uint32_t> counts, double s
   for (const double tail : {0.5, 2.}) {
     VectorXd with_tail(6);
     with_tail << best.parameters.head(4), 0.3, best.parameters[log_sigma] + std::log(tail);
-    if (Fitted f = fit_counts(window, with_tail); f.chi2 < best.chi2 - least_gain)
+    if (Fitted f = fit_counts(window, with_tail); f.chi2 < best.chi2 - min_gain)
       best = std::move(f);
   }
   const double sigma_ps = std::exp(best.parameters[log_sigma]) * step_ps;
@@ -221,7 +221,7 @@ class EchoFit {
  public:
   // Indices of the parameters; `place` is in bins.
   enum : Index { place, log2_peak, adding, skew, terms };
-  static constexpr double most_misfit = 2;  // maximum chi2 per degree of freedom of a good fit
+  static constexpr double max_misfit = 2;  // maximum chi2 per degree of freedom of a good fit
 
   EchoFit(const Profile& profile, const EchoAxis& axis, std::size_t frames, double range_m)
       : cells_per_bin_(axis.step_m / axis.resolution_m), log2_noise_(log2_noise_of(profile.floor)) {
@@ -237,7 +237,7 @@ class EchoFit {
     const double noise = std::exp2(log2_noise_ - highest_);
     const auto free_of = [&](Index side) {
       return free_bins(power, top_, side, std::lround(std::ceil(reach_cells / cells_per_bin_)),
-                       least_error + noise);
+                       min_error + noise);
     };
     first_ = top_ - free_of(-1), count_ = top_ + free_of(1) + 1 - first_;
     // The three elements after the bins are priors. They keep `adding` between 0 and 1, and the
@@ -249,7 +249,7 @@ class EchoFit {
       const auto bin = static_cast<std::size_t>(first_ + i);
       const double log2_error = std::hypot(model_error, profile.deviation[bin] / std::sqrt(frames));
       errors_[i] =
-          std::hypot(least_error + noise / 10, std::numbers::ln2 * power[first_ + i] * log2_error);
+          std::hypot(min_error + noise / 10, std::numbers::ln2 * power[first_ + i] * log2_error);
     }
     errors_.tail(3) << 0.5, 0.05, 0.15;
     problem_.model = [this](const VectorXd& p) { return values(p); };
@@ -265,11 +265,11 @@ class EchoFit {
 
   // Returns false if a flank has too few bins that are free of a second echo.
   bool enough() const {
-    constexpr Index least_bins = 2;
-    return std::min(top_ - first_, first_ + count_ - 1 - top_) >= least_bins;
+    constexpr Index min_bins = 2;
+    return std::min(top_ - first_, first_ + count_ - 1 - top_) >= min_bins;
   }
   // Fits windows with and without a phase error. Each additional parameter must reduce chi2 by more
-  // than `least_gain`. A phase error is rejected if the fit is poor, because two echoes rarely fit
+  // than `min_gain`. A phase error is rejected if the fit is poor, because two echoes rarely fit
   // a single window well.
   void fit() {
     constexpr std::pair<double, double> shapes[] = {
@@ -284,14 +284,14 @@ class EchoFit {
     add_terms();
     // The assumed error of the firmware's arithmetic is an upper bound. If the points scatter less,
     // a smaller reduction of chi2 is significant.
-    const double gain = least_gain * std::clamp(scatter(), 0.5, 1.);
-    if (misfit() > most_misfit || cost_of(even, gain) <= cost_of(best, gain) + gain) best = even;
+    const double gain = min_gain * std::clamp(scatter(), 0.5, 1.);
+    if (misfit() > max_misfit || cost_of(even, gain) <= cost_of(best, gain) + gain) best = even;
   }
   bool of_one_point() const {
-    constexpr double most_off = 0.05;
+    constexpr double max_off = 0.05;
     const VectorXd off =
         (problem_.measured - problem_.model(best.parameters)).cwiseAbs() - 4 * errors_;
-    return off.head(count_).maxCoeff() < most_off;
+    return off.head(count_).maxCoeff() < max_off;
   }
   double misfit() const { return std::max(1., scatter()); }
   static Window window_of(const VectorXd& p) {
@@ -306,10 +306,10 @@ class EchoFit {
     return best.chi2 / static_cast<double>(count_ + 3 - best.parameters.size());
   }
 
-  static constexpr double reach_cells = 5, least_error = 1e-3, least_gain = 9;
+  static constexpr double reach_cells = 5, min_error = 1e-3, min_gain = 9;
   // Error of the firmware's arithmetic, as log2 of the power.
   static constexpr double model_error = 0.02;
-  static constexpr Index most_terms = 6;
+  static constexpr Index max_terms = 6;
 
   VectorXd values(const VectorXd& p) const {
     const Window window = window_of(p);
@@ -329,21 +329,21 @@ class EchoFit {
     out << static_cast<double>(top_) + off, highest_, 0.5, rad, a, b;
     return out;
   }
-  static double cost_of(const Fitted& f, double gain = least_gain) {
+  static double cost_of(const Fitted& f, double gain = min_gain) {
     return f.chi2 + gain * static_cast<double>(f.parameters.size());
   }
   void try_from(VectorXd start) {
-    constexpr double most_rad = 12;
+    constexpr double max_rad = 12;
     problem_.least = VectorXd::Constant(start.size(), -0.5);
     problem_.most = VectorXd::Constant(start.size(), 2.2);
-    const double rad = start[skew] == 0 ? 0 : most_rad, at = static_cast<double>(top_);
+    const double rad = start[skew] == 0 ? 0 : max_rad, at = static_cast<double>(top_);
     problem_.least.head(terms) << at - 1, highest_ - 3, 0, -rad;
     problem_.most.head(terms) << at + 1, highest_ + 3, 1, rad;
     if (Fitted f = minimise(problem_, std::move(start)); cost_of(f) < cost_of(best))
       best = std::move(f);
   }
   void add_terms() {
-    const Index most = std::min(terms + most_terms, count_ - 2);
+    const Index most = std::min(terms + max_terms, count_ - 2);
     for (Index size = 0; size < best.parameters.size() && best.parameters.size() < most;) {
       const VectorXd last = best.parameters;
       size = last.size() + 1;
@@ -420,11 +420,11 @@ bool leakage_overlaps(const Profile& profile, const EchoAxis& axis, double range
 
 WindowFit fit_radar_response(const Profiles& frames, const EchoAxis& axis, double range_m,
                              record::Response& out) {
-  constexpr std::size_t least_frames = 8;
+  constexpr std::size_t min_frames = 8;
   constexpr const char* advice =
       "remove other objects and place the reflector farther away (e.g. at 3 m for range cells of "
       "50 cm), or use a cfg with shorter range cells";
-  if (frames.size() < least_frames) return {{}, "fewer than 8 frames received"};
+  if (frames.size() < min_frames) return {{}, "fewer than 8 frames received"};
   const Profile profile = profile_of(frames);
   if (leakage_overlaps(profile, axis, range_m))
     return {{}, std::string("transmitter leakage overlaps the reflector's echo; ") + advice};
@@ -448,13 +448,13 @@ WindowFit fit_radar_response(const Profiles& frames, const EchoAxis& axis, doubl
   found.window.zero_cells = shape[taps];
   found.zero_error_m = errors[taps] * axis.resolution_m;
   found.lopsided = {shape[taps + 1], errors[taps + 1]};
-  if (echo.misfit() > EchoFit::most_misfit) found.window = {};
+  if (echo.misfit() > EchoFit::max_misfit) found.window = {};
   return found;
 }
 
 std::string fit_noise_exponent(const Profiles& frames, record::Response& out) {
-  constexpr std::size_t least_frames = 40, least_means = 8;
-  if (frames.size() < least_frames) return "fewer than 40 frames received";
+  constexpr std::size_t min_frames = 40, min_means = 8;
+  if (frames.size() < min_frames) return "fewer than 40 frames received";
   const std::size_t bins = frames[0].size();
   const std::vector<double> level = profile_of(frames).mean;
   std::vector<std::size_t> order(bins);
@@ -466,7 +466,7 @@ std::string fit_noise_exponent(const Profiles& frames, record::Response& out) {
   for (const std::size_t bin : order) {
     std::vector<double> powers, x, y;
     for (const auto& frame : frames) powers.push_back(double{frame[bin]});
-    for (std::size_t length = 1; frames.size() / length >= least_means; length *= 2) {
+    for (std::size_t length = 1; frames.size() / length >= min_means; length *= 2) {
       std::vector<double> means(frames.size() / length);
       for (std::size_t i = 0; i < means.size() * length; ++i)
         means[i / length] += powers[i] / static_cast<double>(length);

@@ -22,12 +22,12 @@ constexpr char baseline_text[] = "value of radar.baseline_m during the measureme
 constexpr Sensor ranging[] = {Sensor::spd, Sensor::radar};
 
 void bind(Settings& s, const std::string& section, record::CalibrationEntry& e) {
-  constexpr double most_m = 1000;
+  constexpr double max_m = 1000;
   s.add(section + ".date_utc", e.date_utc, "time of the measurement");
   s.add(section + ".method", e.method, "estimator");
-  s.add(section + ".distance_m", e.distance_m, 0, most_m, "true distance of the reflector");
-  s.add(section + ".offset_m", e.offset_m, -most_m, most_m, "measured minus true range");
-  s.add(section + ".standard_error_m", e.standard_error_m, 0, most_m,
+  s.add(section + ".distance_m", e.distance_m, 0, max_m, "true distance of the reflector");
+  s.add(section + ".offset_m", e.offset_m, -max_m, max_m, "measured minus true range");
+  s.add(section + ".standard_error_m", e.standard_error_m, 0, max_m,
         "standard error of the offset");
   s.add(section + ".model", e.model, "model of the device");
   s.add(section + ".serial", e.serial, "serial number of the device");
@@ -84,7 +84,7 @@ std::vector<double> values_of(const std::string& text, double least, double most
   words.imbue(std::locale::classic());
   for (double v = 0; words >> v; out.push_back(v))
     if (!(v >= least && v <= most)) return {};
-  return words.eof() && out.size() <= record::most_antennas ? out : std::vector<double>{};
+  return words.eof() && out.size() <= record::max_antennas ? out : std::vector<double>{};
 }
 
 void take_antennas(const std::string& path, const AntennaTexts& texts, AntennaGains& out) {
@@ -151,7 +151,7 @@ Calibration read_calibration(const std::string& path) {
   settings.add("firmware.lines", firmware.lines, 0, 1'000'000'000,
                "number of lines averaged in firmware.line");
   Calibration out;
-  settings.add(baseline_key, out.baseline_m, 0, most_baseline_m, baseline_text);
+  settings.add(baseline_key, out.baseline_m, 0, max_baseline_m, baseline_text);
   AntennaTexts texts;
   bind(settings, out.antennas, texts);
   bind(settings, out.axes, true, true);
@@ -187,7 +187,7 @@ void write_calibration(const std::string& path, const Calibration& calibration) 
   Settings settings;
   for (auto& e : entries) bind(settings, name_of(e.sensor), e);
   double baseline_m = calibration.baseline_m;
-  if (baseline_m > 0) settings.add(baseline_key, baseline_m, 0, most_baseline_m, baseline_text);
+  if (baseline_m > 0) settings.add(baseline_key, baseline_m, 0, max_baseline_m, baseline_text);
   std::string line;
   std::int64_t lines = 0;
   if (const auto& f = calibration.firmware) {

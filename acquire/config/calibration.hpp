@@ -35,7 +35,7 @@ struct CalibratedAxes {
   bool operator==(const CalibratedAxes&) const = default;
 };
 
-inline constexpr double most_baseline_m = 10;
+inline constexpr double max_baseline_m = 10;
 
 struct Calibration {
   std::vector<record::CalibrationEntry> entries;  // one entry per calibrated ranging sensor

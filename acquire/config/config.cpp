@@ -113,10 +113,10 @@ void bind_radar(Settings& s, Config& c, Keys& k) {
   s.add("radar.board", c.radar.board,
         "type of the radar board, which determines the antenna positions for the heat map",
         radar::board_names());
-  s.add("radar.baseline_m", c.baseline_m, 0, most_baseline_m,
+  s.add("radar.baseline_m", c.baseline_m, 0, max_baseline_m,
         "distance from the axis of the detector to the centre of the radar antennas, m; the radar "
         "is to the left of the detector");
-  s.add("radar.mount_tolerance_m", c.mount_tolerance_m, 0, record::most_mount_tolerance_m,
+  s.add("radar.mount_tolerance_m", c.mount_tolerance_m, 0, record::max_mount_tolerance_m,
         "standard deviation of the range error caused by movements of the mounts since the "
         "calibration, m");
   s.add("radar.data_baud", k.data_baud, 1200, 4'000'000, "baud rate of the radar's data port");
@@ -135,12 +135,12 @@ void bind_depth(Settings& s, Config& c, Keys& k) {
         "image height of an OpenNI2 camera, pixels; 0: default of the camera");
   s.add("depth.fps", k.fps, 0, 1000,
         "number of frames per second of an OpenNI2 camera; 0: default of the camera");
-  s.add("depth.map_size", k.map_size, record::least_map_size, record::most_map_size,
+  s.add("depth.map_size", k.map_size, record::min_map_size, record::max_map_size,
         "number of pixels per side of the depth map; camera images are resampled to this size");
-  s.add("depth.map_half_tangent", c.map.half_tangent, record::least_map_half_tangent,
-        record::most_map_half_tangent,
+  s.add("depth.map_half_tangent", c.map.half_tangent, record::min_map_half_tangent,
+        record::max_map_half_tangent,
         "field of view of the depth map, given as x/z and y/z at its edges");
-  s.add("depth.map_z_max_m", c.map.far_m, record::least_map_far_m, record::most_map_far_m,
+  s.add("depth.map_z_max_m", c.map.far_m, record::min_map_far_m, record::max_map_far_m,
         "largest depth in the depth map, m; points that are farther away are marked \"no return\"");
 }
 

@@ -23,7 +23,7 @@ namespace echofuse::acquire {
 
 // Limits of the signal checks (keys signal.*); 0 disables a check.
 struct SignalLimits {
-  double weak_share = 0.1, spd_clicks = 1000, clicks_per_pulse = record::most_clicks_per_pulse;
+  double weak_share = 0.1, spd_clicks = 1000, clicks_per_pulse = record::max_clicks_per_pulse;
   double radar_snr_db = 6, depth_share = 0.005, lossy_share = 0.8;
 };
 void bind_limits(Settings& settings, SignalLimits& limits);  // adds the keys signal.*

@@ -20,7 +20,7 @@ namespace {
 namespace fs = std::filesystem;
 
 // Maximum number of values in a histogram or range profile, and of pixels in a depth image.
-constexpr std::size_t most_points = 1u << 24, most_pixels = 1u << 23;
+constexpr std::size_t max_points = 1u << 24, max_pixels = 1u << 23;
 
 // Returns the smallest factor up to 1000 by which all counts become whole numbers, or 0 if there is
 // no such factor. If the counts are means of f exposures, the factor is f.
@@ -48,10 +48,10 @@ record::Antennas antennas_of(const std::vector<std::string>& texts, const std::s
   record::Antennas out;
   for (const std::string& text : texts) {
     const auto n = numbers_in(text);
-    if (n.size() < 2 || n.size() > 4 || out.size() == record::most_antennas)
+    if (n.size() < 2 || n.size() > 4 || out.size() == record::max_antennas)
       throw Error(ExitCode::config, printable(path) + ": radar.antennas has \"" +
                                         printable(text, 40) + "\"; expected at most " +
-                                        std::to_string(record::most_antennas) +
+                                        std::to_string(record::max_antennas) +
                                         " strings \"X Y\" or \"X Y GAIN PHASE\"");
     record::Antenna& a = out.emplace_back();
     a.x = n[0], a.y = n[1];
@@ -104,12 +104,12 @@ void bind(Settings& settings, ArraySettings& s) {
                  "range bias to subtract, in addition to that of the source run");
   settings.add("depth.unit", s.depth_unit,
                "unit of depth.npy; default: mm for integers, m for floats", {"", "mm", "m"});
-  settings.add("depth.half_tangent", s.half_tangent, record::least_map_half_tangent,
-               record::most_map_half_tangent,
+  settings.add("depth.half_tangent", s.half_tangent, record::min_map_half_tangent,
+               record::max_map_half_tangent,
                "|x/z| at the left and right edges of the depth image");
-  settings.add("depth.map_z_max_m", s.far_m, record::least_map_far_m, record::most_map_far_m,
+  settings.add("depth.map_z_max_m", s.far_m, record::min_map_far_m, record::max_map_far_m,
                "largest depth; farther pixels have no return");
-  settings.add("depth.map_size", s.map_size, 0, record::most_map_size,
+  settings.add("depth.map_size", s.map_size, 0, record::max_map_size,
                "width and height of the maps, pixels; 0: size of the images, or 64");
   bind_limits(settings, s.limits);
 }
@@ -137,7 +137,7 @@ ArrayFolder::ArrayFolder(const std::string& folder, const ArraySettings& setting
   if (!settings_.labels.empty() && settings_.labels.size() != rows_)
     config_error(std::to_string(settings_.labels.size()) + " labels, but there are " +
                  std::to_string(rows_) + " records");
-  if (settings_.map_size > 0 && settings_.map_size < record::least_map_size)
+  if (settings_.map_size > 0 && settings_.map_size < record::min_map_size)
     config_error("depth.map_size = " + std::to_string(settings_.map_size) +
                  "; expected 0, or 3 to 256");
   if (array_ && (!radar_ || antennas_.empty() || array_->shape()[1] != axes().back().count ||
@@ -163,7 +163,7 @@ std::unique_ptr<NpyFile> ArrayFolder::open(const char* name, std::size_t dimensi
     refuse(*file, "its shape is " + file->shape_text() + "; expected " +
                       std::to_string(dimensions) + " dimensions, one row per record" +
                       (zones ? ", or 3: [records, zones, bins]" : ""));
-  const std::size_t most = std::string(name) == "depth.npy" ? most_pixels : most_points;
+  const std::size_t most = std::string(name) == "depth.npy" ? max_pixels : max_points;
   if (file->row_size() > most)
     refuse(*file, "has " + std::to_string(file->row_size()) +
                       " values per record; expected at most " + std::to_string(most));
@@ -177,9 +177,9 @@ std::unique_ptr<NpyFile> ArrayFolder::open(const char* name, std::size_t dimensi
 
 Zones ArrayFolder::stated_zones() const {
   const std::size_t histograms = spd_ && spd_->shape().size() == 3 ? spd_->shape()[1] : 1;
-  if (histograms > most_zones)
+  if (histograms > max_zones)
     refuse(*spd_, "has " + std::to_string(histograms) + " zones; expected at most " +
-                      std::to_string(most_zones));
+                      std::to_string(max_zones));
   Zones out;
   for (const std::string& text : settings_.zones)
     out.push_back(zone_of(text, folder_ + "/run.toml"));
@@ -213,7 +213,7 @@ std::vector<Axis> ArrayFolder::axes() const {
     out.push_back(record::depth_x_axis(width, s.half_tangent));
     out.push_back(record::depth_y_axis(height, up));
     const bool fits =
-        height == width && width >= record::least_map_size && width <= record::most_map_size;
+        height == width && width >= record::min_map_size && width <= record::max_map_size;
     record::MapGrid grid;
     grid.half_tangent = s.half_tangent, grid.far_m = s.far_m;
     if (s.map_size > 0 || fits)
@@ -368,15 +368,15 @@ void ArrayFolder::put_depth(record::FusedRecord& r) {
 // empty string.
 std::string ArrayFolder::take_depth(record::FusedRecord& r,
                                     const std::vector<double>& values) const {
-  constexpr double most_mm = std::numeric_limits<std::uint16_t>::max();
+  constexpr double max_mm = std::numeric_limits<std::uint16_t>::max();
   std::vector<double> returns;
   for (const double v : values) {
     double mm = std::isnan(v) ? 0 : v * (millimetres_ ? 1 : 1000);
-    if (!(mm >= 0 && mm <= most_mm))
+    if (!(mm >= 0 && mm <= max_mm))
       return "a depth of " + std::to_string(mm / 1000) + " m; expected 0 to 65.5 m" +
              (millimetres_ ? "" : ", or depth.unit = \"mm\"");
     // Some cameras report the largest value for pixels without a return.
-    if (millimetres_ && mm == most_mm) mm = 0;
+    if (millimetres_ && mm == max_mm) mm = 0;
     r.depth_mm.push_back(static_cast<std::uint16_t>(std::lround(mm)));
     if (r.depth_mm.back() > 0) returns.push_back(mm);
   }

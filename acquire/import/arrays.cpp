@@ -32,7 +32,7 @@ std::vector<std::pair<std::string, std::string>> stated(const ArraySettings& s) 
     given = {{"irf_fwhm_ps", shortest_text(s.irf_fwhm_ps)}, {"irf_tail_ps", "0"}};
   if (!record::is_response(given))
     throw Error(ExitCode::config, format("spd.irf_fwhm_ps: expected %g to %g, or 0 if unknown",
-                                         record::least_width_ps, record::most_width_ps));
+                                         record::min_width_ps, record::max_width_ps));
   if (!s.radar_taps.empty()) {
     given.emplace_back("radar_cell_m", shortest_text(s.radar_cell_m));
     given.emplace_back("radar_taps", s.radar_taps);

@@ -16,7 +16,7 @@ namespace {
 constexpr double tick_s = 5e-9;
 constexpr std::uint64_t shortest_chain = 8;
 // Number of frames that may be damaged between two members of a chain.
-constexpr std::size_t most_damaged = 32;
+constexpr std::size_t max_damaged = 32;
 // Tolerance of a clock reading, in addition to half a period: the transmission of the previous
 // frame may delay it.
 constexpr double late_s = 0.02, other_rate = 5e-4;
@@ -116,7 +116,7 @@ class Fit {
     for (std::size_t i = 0; i < entries_.size(); ++i) {
       Entry& e = entries_[i];
       e.length = 1, e.deviation_s = 0, e.previous = e.first = i, e.member = false;
-      for (std::size_t back = 1; back <= std::min(i, most_damaged + 1); ++back) {
+      for (std::size_t back = 1; back <= std::min(i, max_damaged + 1); ++back) {
         const Entry& from = entries_[i - back];
         const double expected_s = steps(from, e) * period_s_;
         if (from.length + 1 < e.length || expected_s > longest_link_s) continue;

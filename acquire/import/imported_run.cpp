@@ -81,8 +81,8 @@ void ImportedRun::put(record::FusedRecord record) {
     batch_bytes_ += as_bytes(record.*column.values).size();
   });
   batch_.push_back(std::move(record));
-  if (constexpr std::size_t most = 256, most_bytes = 4 << 20;
-      batch_.size() == most || batch_bytes_ > most_bytes)
+  if (constexpr std::size_t most = 256, max_bytes = 4 << 20;
+      batch_.size() == most || batch_bytes_ > max_bytes)
     flush();
 }
 

@@ -22,10 +22,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::int64_t most_bytes = 64 << 20;  // largest block that a port delivers, in bytes
+constexpr std::int64_t max_bytes = 64 << 20;  // largest block that a port delivers, in bytes
 // Limits of the time since the machine was started (36 years) and of UTC (year 2116). Sums and
 // differences of such times fit into 64 bits.
-constexpr std::int64_t longest_ns = std::int64_t{1} << 60, most_value = std::int64_t{1} << 62;
+constexpr std::int64_t longest_ns = std::int64_t{1} << 60, max_value = std::int64_t{1} << 62;
 constexpr std::chrono::hours longest_pause{2};  // longest plausible time between two closed slots
 
 // Reads the file NAME.times in the folder line by line. Ignores a truncated last line.
@@ -48,7 +48,7 @@ class TimesFile {
     std::int64_t at_ns = 0, value = 0;
     char what[16];
     if (std::sscanf(text.c_str(), "%" SCNd64 " %15s %" SCNd64, &at_ns, what, &value) == 3 &&
-        at_ns >= 0 && at_ns <= longest_ns && value >= -most_value && value <= most_value)
+        at_ns >= 0 && at_ns <= longest_ns && value >= -max_value && value <= max_value)
       return Line{HostTime(at_ns), what, value};
     throw Error(ExitCode::failed, printable(path_) + ": expected TIME WHAT VALUE, found \"" +
                                       printable(text, 80) + "\"");
@@ -84,7 +84,7 @@ class CapturedPort {
       std::snprintf(number, sizeof number, "-%03d", ++files_);
       file_.emplace(stem_ + number + ending_, ExitCode::failed);
     }
-    Bytes out(count > 0 && count <= most_bytes ? static_cast<std::size_t>(count) : 0);
+    Bytes out(count > 0 && count <= max_bytes ? static_cast<std::size_t>(count) : 0);
     if (out.empty() || file_->read(out) != out.size())
       throw Error(ExitCode::failed, printable(times_.path()) + ": lists more bytes than " +
                                         std::to_string(files_) + " files contain");

@@ -193,8 +193,8 @@ bool PicoquantTags::next(SampleSink& sink) {
   std::size_t known = tags_.size();  // number of tags left from the previous block
   const auto block_of = [](const Tag& tag) { return tag.time_ps / block_ps; };
   bool more = true;
-  constexpr std::size_t most_tags = std::size_t{1} << 20;  // maximum number of tags per block
-  while (more && known < most_tags &&
+  constexpr std::size_t max_tags = std::size_t{1} << 20;  // maximum number of tags per block
+  while (more && known < max_tags &&
          (known == 0 || block_of(tags_.back()) <= block_of(tags_.front()))) {
     known = tags_.size();
     more = read_record();

@@ -10,7 +10,7 @@
 namespace echofuse::acquire {
 namespace {
 
-constexpr std::size_t chunk_bytes = 4096, most_looked_at = 32 << 10;
+constexpr std::size_t chunk_bytes = 4096, max_looked_at = 32 << 10;
 
 // Reads the headers of all frames.
 std::vector<FrameHeader> headers_of(const std::string& path, const radar::RadarProfile& profile) {
@@ -69,7 +69,7 @@ bool RadarRecording::next(SampleSink& sink) {
   std::array<std::uint8_t, chunk_bytes> chunk;
   const std::size_t count = file_.read(chunk);
   const ByteView bytes(chunk.data(), count);
-  if (beginning_.size() < most_looked_at)
+  if (beginning_.size() < max_looked_at)
     beginning_.insert(beginning_.end(), bytes.begin(), bytes.end());
   ended_ = count == 0;
   if (!ended_)

@@ -23,7 +23,7 @@ static_assert(sizeof(HeaderTag) == 48);
 
 constexpr const char* magic = "PQTTTR";
 constexpr std::uint32_t type_double = 0x20000008, type_time = 0x21000008, type_text = 0x4001ffff;
-constexpr std::size_t most_tags = 100'000, longest_text = 4096;
+constexpr std::size_t max_tags = 100'000, longest_text = 4096;
 
 bool is_long(std::uint32_t type) { return (type & 0xffff) == 0xffff; }
 
@@ -49,7 +49,7 @@ void TaggedFile::take(void* to, std::size_t bytes) {
 
 void TaggedFile::read_tags() {
   const std::size_t size = file_.size();
-  for (std::size_t count = 0; count < most_tags; ++count) {
+  for (std::size_t count = 0; count < max_tags; ++count) {
     HeaderTag tag;
     if (size - std::min(size, tag_bytes_) < sizeof tag) break;
     take(&tag, sizeof tag);

@@ -18,20 +18,20 @@ namespace {
 constexpr std::uint64_t enough_exposures = 10;
 constexpr double enough_s = 1, overlap = 1.2;
 constexpr std::size_t enough_profiles = 20, enough_maps = 10;
-constexpr double farthest_m = 300, least_median_mm = 20;
+constexpr double farthest_m = 300, min_median_mm = 20;
 
 std::string digits(double value) { return format("%.4g", value); }
 
 }  // namespace
 
 bool looks_like_db(const std::vector<float>& power) {
-  constexpr float least_ratio = 6;
+  constexpr float min_ratio = 6;
   const auto [low, high] = std::ranges::minmax(power);
-  return low < high && (low < 0 || high < least_ratio * low);
+  return low < high && (low < 0 || high < min_ratio * low);
 }
 
 std::string fault_of_depths(double median_mm) {
-  if (median_mm >= least_median_mm) return {};
+  if (median_mm >= min_median_mm) return {};
   return "its median is " + std::to_string(std::lround(median_mm)) + " mm; expected depths in ";
 }
 

@@ -112,7 +112,7 @@ class Backlog {
  public:
   // Once this number of slots has become due after a pause, the slots that began during the pause
   // no longer wait for the disk.
-  static constexpr std::int64_t most_behind = 128;
+  static constexpr std::int64_t max_behind = 128;
 
   void put(const std::vector<DueSlot>& fresh) {
     due_.insert(due_.end(), fresh.begin(), fresh.end());
@@ -123,7 +123,7 @@ class Backlog {
   std::optional<DueSlot> next(bool busy) {
     if (due_.empty()) return std::nullopt;
     const bool may_wait =
-        due_.front().index <= pause_end_ && due_.back().index - pause_end_ < most_behind;
+        due_.front().index <= pause_end_ && due_.back().index - pause_end_ < max_behind;
     if (busy && may_wait) return std::nullopt;
     const DueSlot first = due_.front();
     due_.pop_front();

@@ -20,7 +20,7 @@ using record::VerdictKind;
 namespace {
 
 constexpr double reference_s = 60;
-constexpr std::size_t least_records = 5;
+constexpr std::size_t min_records = 5;
 
 // Returns true if the counts have no peak. The limit for the sum of 5 adjacent bins is its mean
 // plus five standard deviations plus five clicks. The five clicks allow for the long tail of the
@@ -54,9 +54,9 @@ bool may_be_filtered(const record::FusedRecord& r) {
   const auto clicks = static_cast<double>(c.in_range + c.out_of_range);
   const auto starts = static_cast<double>(c.starts);
   if (starts >= 2 * clicks) return false;
-  constexpr double most_share = 0.5;  // maximum fraction of pulses that a filter passes
+  constexpr double max_share = 0.5;  // maximum fraction of pulses that a filter passes
   const auto& a_pulse = r.signal.clicks_per_pulse;
-  return !a_pulse || *a_pulse * starts < most_share * clicks;
+  return !a_pulse || *a_pulse * starts < max_share * clicks;
 }
 
 Verdict still(const char* parts) {
@@ -71,12 +71,12 @@ SignalCheck::SignalCheck(const SignalLimits& limits, double window_s, PerSensor<
       nominal_hz_(nominal_hz),
       far_mm_(far_m * 1000),
       reference_records_(
-          std::max(least_records, static_cast<std::size_t>(std::ceil(reference_s / window_s)))) {}
+          std::max(min_records, static_cast<std::size_t>(std::ceil(reference_s / window_s)))) {}
 
 std::optional<double> SignalCheck::Reference::add(double strength, std::size_t at_most) {
   if (values_.size() < at_most) {
     values_.push_back(strength);
-    if (values_.size() >= least_records) median_ = median(values_);
+    if (values_.size() >= min_records) median_ = median(values_);
   }
   return median_;
 }

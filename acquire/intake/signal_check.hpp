@@ -19,7 +19,7 @@ class SignalCheck {
   // `nominal_hz` contains the rates of start pulses, radar frames and camera frames in Hz; 0 if
   // unknown. Depths beyond `far_m` are treated as "no return".
   SignalCheck(const SignalLimits& limits, double window_s, PerSensor<double> nominal_hz = {},
-              double far_m = record::most_map_far_m);
+              double far_m = record::max_map_far_m);
   // Fills `record.signal` except `clicks_per_pulse`, and sets the verdicts of valid sensors. Must
   // be called for each record in order. `axes` contains the axes of the run, and `ends` the times
   // at which the recordings of the sensors end. If a recording ends within the slot, samples are

@@ -16,8 +16,8 @@ using namespace std::chrono_literals;
 
 constexpr std::uint64_t sorted_within_ps = 1'000'000;
 // Maximum number of positions by which sorting moves an event.
-constexpr std::size_t most_moves = 1000;
-constexpr std::size_t most_events = 20'000;
+constexpr std::size_t max_moves = 1000;
+constexpr std::size_t max_events = 20'000;
 constexpr auto clock_time = 2s, overflow_time = 3s;
 constexpr double clock_share = 0.1, like_before = 0.05;
 constexpr std::uint64_t enough = 20;
@@ -108,7 +108,7 @@ void TagCheck::take(const TagBlock& block, const Output& out) {
 
 void TagCheck::pass(const TagBlock& block, const Output& out, bool plain) {
   auto rest = block.tags;
-  for (; !rest.empty() && sample_.events < most_events; rest = rest.subspan(1))
+  for (; !rest.empty() && sample_.events < max_events; rest = rest.subspan(1))
     check_tag(rest.front(), block.received);
   if (!rest.empty()) last_start_ps_.reset();
   if (!plain)
@@ -140,8 +140,7 @@ std::size_t TagCheck::ready() const {
                                         static_cast<std::uint64_t>(tag.time_ps) <=
                                     sorted_within_ps;
   };
-  while (count > 0 && repaired_.size() - count < most_moves &&
-         may_be_preceded(repaired_[count - 1]))
+  while (count > 0 && repaired_.size() - count < max_moves && may_be_preceded(repaired_[count - 1]))
     --count;
   return count;
 }
@@ -201,7 +200,7 @@ void TagCheck::sort() {
           static_cast<std::uint64_t>(other.time_ps) - static_cast<std::uint64_t>(tag.time_ps);
       return tag.is_time_tag() && other.is_time_tag() && by > 0 && by <= sorted_within_ps;
     };
-    while (to > 0 && i - to < most_moves && before(repaired_[to - 1])) {
+    while (to > 0 && i - to < max_moves && before(repaired_[to - 1])) {
       repaired_[to] = repaired_[to - 1];
       --to;
     }

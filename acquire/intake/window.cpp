@@ -14,7 +14,7 @@ using record::VerdictKind;
 
 namespace {
 
-constexpr std::size_t most_late_slots = 256;
+constexpr std::size_t max_late_slots = 256;
 const record::Verdict axis_changed{VerdictKind::other_axis,
                                    "differs from the one at the start of the run"};
 
@@ -87,7 +87,7 @@ Windows::Slot* Windows::find(Sensor sensor, HostTime taken, std::uint64_t amount
   if (k >= next_) return &open_[k];
   (k < 0 ? unassigned_.early : unassigned_.late)[sensor] += amount;
   if (k >= 0) open_[next_].arrived[sensor].late += amount;
-  if (k >= 0 && (late_.size() < most_late_slots || late_.contains(k))) late_[k][sensor] += amount;
+  if (k >= 0 && (late_.size() < max_late_slots || late_.contains(k))) late_[k][sensor] += amount;
   return nullptr;
 }
 

@@ -76,13 +76,13 @@ MapGrid map_grid_of(std::span<const Axis> axes) {
   const Axis *x = find_axis(axes, "map_x"), *y = find_axis(axes, "map_y"),
              *z = find_axis(axes, "map_z");
   MapGrid grid;
-  if (x && x->count >= least_map_size && x->count <= most_map_size)
+  if (x && x->count >= min_map_size && x->count <= max_map_size)
     grid.size = x->count, grid.half_tangent = x->step * x->count / 2;
   if (z) grid.far_m = z->step;
   const auto wanted = grid.axes();
-  if (grid.half_tangent >= least_map_half_tangent && grid.half_tangent <= most_map_half_tangent &&
+  if (grid.half_tangent >= min_map_half_tangent && grid.half_tangent <= max_map_half_tangent &&
       !x == !y && (!x || (same_axis(*x, wanted[0]) && same_axis(*y, wanted[1]))) &&
-      grid.far_m >= least_map_far_m && grid.far_m <= most_map_far_m &&
+      grid.far_m >= min_map_far_m && grid.far_m <= max_map_far_m &&
       (!z || same_axis(*z, wanted[2])))
     return grid;
   throw Error(ExitCode::failed,

@@ -35,10 +35,10 @@ struct MapGrid {
   // Tolerates differences of 0.001 pixel in `half_tangent` and of 0.1 % in `far_m`.
   bool operator==(const MapGrid& other) const;
 };
-inline constexpr std::uint32_t least_map_size = 3, most_map_size = 256;
-inline constexpr double least_map_half_tangent = 0.02, most_map_half_tangent = 3;
+inline constexpr std::uint32_t min_map_size = 3, max_map_size = 256;
+inline constexpr double min_map_half_tangent = 0.02, max_map_half_tangent = 3;
 // Depth images store depths as u16 millimetres, so depths above 65.5 m cannot be stored.
-inline constexpr double least_map_far_m = 0.1, most_map_far_m = 65;
+inline constexpr double min_map_far_m = 0.1, max_map_far_m = 65;
 
 // Reads the grid from a run's axes. Throws Error(failed) if the axes `map_x`, `map_y` and `map_z`
 // are not a valid grid.

@@ -219,7 +219,7 @@ Axis array_axis(const Axis& radar, std::size_t antennas) {
 }
 
 std::size_t antennas_of(const Axis& array) {
-  for (std::size_t n = 1; n <= most_antennas; ++n)
+  for (std::size_t n = 1; n <= max_antennas; ++n)
     if (array.scale == static_cast<double>(n)) return n;
   return 0;
 }

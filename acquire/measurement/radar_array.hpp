@@ -28,7 +28,7 @@ struct Antenna {
 };
 using Antennas = std::vector<Antenna>;
 
-inline constexpr std::size_t most_antennas = 12;
+inline constexpr std::size_t max_antennas = 12;
 
 // Statistics of one range bin. `values` contains, in this order: the mean sample of each antenna;
 // the mean power of each antenna; the covariances, which are the means of x_m conj(x_n) for m < n,

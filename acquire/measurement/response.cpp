@@ -14,9 +14,9 @@ namespace {
 struct ValidRange {
   double least, most;
 };
-constexpr ValidRange widths_ps{least_width_ps, most_width_ps}, tails_ps{0, 100'000}, shares{0, 1},
+constexpr ValidRange widths_ps{min_width_ps, max_width_ps}, tails_ps{0, 100'000}, shares{0, 1},
     cells_m{1e-3, 10}, exponents{-2, 0}, powers{0, 1.05}, baselines_m{0, 10},
-    tolerances_m{0, most_mount_tolerance_m};
+    tolerances_m{0, max_mount_tolerance_m};
 constexpr const char *baseline_key = "radar_baseline_m", *tolerance_key = "radar_mount_tolerance_m";
 
 // Parses numbers with an optional "+- ERROR" at the end. Returns an empty list if the string does
@@ -66,7 +66,7 @@ std::size_t RadarResponse::peak() const {
 }
 
 bool RadarResponse::valid() const {
-  return taps.size() >= 3 && taps.size() <= most_taps && std::abs(taps[peak()] - 1) < 1e-3;
+  return taps.size() >= 3 && taps.size() <= max_taps && std::abs(taps[peak()] - 1) < 1e-3;
 }
 
 double RadarResponse::amplitude(double cells) const {

@@ -25,7 +25,7 @@ inline constexpr const char* response_keys[] = {"irf_fwhm_ps",    "irf_tail_ps",
                                                 "radar_taps",     "radar_noise_exponent"};
 
 // limits of irf_fwhm_ps
-inline constexpr double least_width_ps = 0.1, most_width_ps = 100'000;
+inline constexpr double min_width_ps = 0.1, max_width_ps = 100'000;
 
 struct Measured {
   double value = 0, standard_error = 0;  // `standard_error` is 0 if unknown
@@ -39,7 +39,7 @@ std::string to_text(const Measured& measured);
 double catmull_rom(const std::array<double, 4>& values, double t);
 
 struct RadarResponse {
-  static constexpr std::size_t taps_a_cell = 4, most_taps = 64;
+  static constexpr std::size_t taps_a_cell = 4, max_taps = 64;
   double cell_m = 0;
   // Powers in steps of 1/4 cell towards larger ranges, relative to the peak; empty if unknown. If
   // the first tap is the peak, the response is symmetric.
@@ -75,7 +75,7 @@ Response response_of(const std::vector<std::pair<std::string, std::string>>& met
 // Returns true if response_of() reads all entries of the metadata that have one of response_keys.
 bool is_response(const std::vector<std::pair<std::string, std::string>>& meta);
 
-inline constexpr double most_mount_tolerance_m = 0.1;
+inline constexpr double max_mount_tolerance_m = 0.1;
 
 struct RadarMounting {
   double baseline_m = 0;  // distance between the detector and the radar; 0 if unknown

@@ -63,7 +63,7 @@ struct Signal {
 };
 // Pile-up limit. Above this number of clicks per laser pulse, the first photon of a pulse hides too
 // many later photons.
-inline constexpr double most_clicks_per_pulse = 0.05;
+inline constexpr double max_clicks_per_pulse = 0.05;
 
 // Statistics of a slot, stored with its record so that losses and delays can be checked later.
 struct SlotStatistics {

@@ -26,7 +26,7 @@ struct RecordShapes {
 
 namespace {
 
-constexpr std::int64_t most_points = 1 << 24;
+constexpr std::int64_t max_points = 1 << 24;
 
 Error bad_record(const std::string& run, std::int64_t index, const std::string& fault) {
   return {ExitCode::failed, run + ": record " + std::to_string(index) + ": " + fault};
@@ -57,10 +57,10 @@ std::string fault_of_slot(const FusedRecord& r) {
 
 // Returns how many records to unpack together: at most 64, and at most 16 M values.
 std::size_t records_at_once(const Shapes& shapes) {
-  constexpr std::size_t most = 64, most_values = std::size_t{1} << 24;
+  constexpr std::size_t most = 64, max_values = std::size_t{1} << 24;
   std::size_t values = 1;
   for (const Shape& shape : shapes) values += shape.values;
-  return std::clamp<std::size_t>(most_values / values, 1, most);
+  return std::clamp<std::size_t>(max_values / values, 1, most);
 }
 
 // Reads the current row. The values of the record are not unpacked yet.
@@ -212,12 +212,12 @@ std::vector<CalibrationEntry> RunReader::calibrations() const {
 }
 
 Antennas RunReader::antennas() const {
-  Antennas out = rows<Antenna>(" ORDER BY rowid LIMIT " + std::to_string(most_antennas + 1));
+  Antennas out = rows<Antenna>(" ORDER BY rowid LIMIT " + std::to_string(max_antennas + 1));
   for (std::size_t i = 0; i < out.size(); ++i) {
     const Antenna& a = out[i];
     const bool sound = std::abs(a.x) < 1e3 && std::abs(a.y) < 1e3 && a.gain >= 1e-3 &&
                        a.gain <= 1e3 && std::abs(a.phase_rad) < 1e3;
-    if (!sound || i == most_antennas)
+    if (!sound || i == max_antennas)
       throw Error(ExitCode::failed,
                   shown_ + ": damaged: antenna " + std::to_string(i) +
                       " is not valid; expected at most 12 antennas with position, gain and phase");
@@ -236,11 +236,11 @@ Zones RunReader::zones() const {
   const Row& table = table_of<Zone>();
   Statement stored = ask("SELECT sql FROM sqlite_schema WHERE name = '" + table.name() + "'");
   if (!stored.step() || stored.text() != table.create()) return single_pixel();
-  Zones out = rows<Zone>(" ORDER BY rowid LIMIT " + std::to_string(most_zones + 1));
+  Zones out = rows<Zone>(" ORDER BY rowid LIMIT " + std::to_string(max_zones + 1));
   if (out.empty()) return single_pixel();
-  if (out.size() > most_zones || !std::ranges::all_of(out, &Zone::plausible))
+  if (out.size() > max_zones || !std::ranges::all_of(out, &Zone::plausible))
     throw Error(ExitCode::failed, shown_ + ": damaged: table zone: expected at most " +
-                                      std::to_string(most_zones) +
+                                      std::to_string(max_zones) +
                                       " zones, each with a centre, a width and a time-zero offset");
   return out;
 }
@@ -256,9 +256,9 @@ std::vector<Event> RunReader::last_events(std::size_t most) const {
 }
 
 std::vector<Axis> RunReader::axes() const {
-  constexpr std::size_t most_axes = 16;
-  std::vector<Axis> out = rows<Axis>(" LIMIT " + std::to_string(most_axes + 1));
-  if (out.size() > most_axes)
+  constexpr std::size_t max_axes = 16;
+  std::vector<Axis> out = rows<Axis>(" LIMIT " + std::to_string(max_axes + 1));
+  if (out.size() > max_axes)
     throw Error(ExitCode::failed, shown_ + ": contains more than 16 axes; expected six");
   for (Axis& axis : out) {
     if (axis.name == "spd") axis.zones = zones();
@@ -273,9 +273,9 @@ void RunReader::check_axis(const Axis& axis) const {
   const auto refuse = [&](const std::string& what) {
     throw Error(ExitCode::failed, shown_ + ": axis " + printable(axis.name, 40) + ": " + what);
   };
-  if (points > most_points)
+  if (points > max_points)
     refuse("has " + std::to_string(points) + " points; expected at most " +
-           std::to_string(most_points));
+           std::to_string(max_points));
   const auto is_length = [](double v) { return std::abs(v) < 1e15; };
   if (!is_length(axis.start) || !is_length(axis.step) || std::abs(axis.step) < 1e-15 ||
       !is_length(axis.scale) || !(axis.scale > 0))

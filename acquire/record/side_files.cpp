@@ -44,10 +44,10 @@ std::string text_of(std::optional<std::uint32_t> key) {
 
 // Compares the key of a -wal with the stored key. Accepts any -wal if the run has no stored key.
 bool is_own(std::uint32_t found, const std::string& stored) {
-  constexpr std::int64_t most_restarts = 1 << 16;
+  constexpr std::int64_t max_restarts = 1 << 16;
   std::uint32_t expected = 0;
   if (stored.size() != 8 || std::sscanf(stored.c_str(), "%8x", &expected) != 1) return true;
-  return std::abs(std::int64_t{static_cast<std::int32_t>(found - expected)}) <= most_restarts;
+  return std::abs(std::int64_t{static_cast<std::int32_t>(found - expected)}) <= max_restarts;
 }
 
 void put_key(sqlite3* db, const std::string& path, const std::string& key) {

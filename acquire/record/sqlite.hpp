@@ -98,11 +98,11 @@ inline DatabaseHandle open_database(const std::string& path, const char* doing, 
 // Prepared statement. Parameters are bound and columns are read in order, beginning with the first.
 class Statement {
  public:
-  // `most_bytes` is the maximum total size of the strings and blobs that are read. A statement that
+  // `max_bytes` is the maximum total size of the strings and blobs that are read. A statement that
   // exceeds this size throws Error.
   Statement(sqlite3* db, const std::string& path, const char* sql,
-            std::int64_t most_bytes = std::numeric_limits<std::int64_t>::max())
-      : db_(db), path_(path), bytes_left_(most_bytes) {
+            std::int64_t max_bytes = std::numeric_limits<std::int64_t>::max())
+      : db_(db), path_(path), bytes_left_(max_bytes) {
     if (sqlite3_prepare_v2(db, sql, -1, &handle_, nullptr) != SQLITE_OK)
       sqlite_fail(db, path, "unexpected table structure");
   }
@@ -141,12 +141,12 @@ class Statement {
     }
     restart();
   }
-  // Ends the current execution and resets all parameters to NULL. `most_bytes`: see the
+  // Ends the current execution and resets all parameters to NULL. `max_bytes`: see the
   // constructor.
-  void restart(std::int64_t most_bytes = std::numeric_limits<std::int64_t>::max()) {
+  void restart(std::int64_t max_bytes = std::numeric_limits<std::int64_t>::max()) {
     sqlite3_reset(handle_);
     sqlite3_clear_bindings(handle_);
-    bound_ = 0, bytes_left_ = most_bytes;
+    bound_ = 0, bytes_left_ = max_bytes;
   }
   void skip_column() { ++column_; }
   void take(std::int64_t& value) { value = integer(); }

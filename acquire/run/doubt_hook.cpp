@@ -82,7 +82,7 @@ void DoubtHook::put(AlertChange change) {
   if (words_.empty()) return;
   std::string& before = kinds_.try_emplace(change.source, "ok").first->second;
   if (std::exchange(before, change.kind) == change.kind) return;
-  if (waiting_.size() < most_waiting) return waiting_.push_back(std::move(change));
+  if (waiting_.size() < max_waiting) return waiting_.push_back(std::move(change));
   warn_("alert.on_doubt: " + change.source + " " + change.kind +
         " was not reported because too many changes are waiting");
 }

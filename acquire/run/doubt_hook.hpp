@@ -26,7 +26,7 @@ class DoubtHook {
  public:
   static constexpr std::chrono::seconds longest{10};
   // Maximum number of waiting changes; further changes are dropped.
-  static constexpr std::size_t most_waiting = 16;
+  static constexpr std::size_t max_waiting = 16;
   using Warn = std::function<void(const std::string&)>;
 
   // `words` contains the program and its arguments; if it is empty, this object does nothing.

@@ -18,13 +18,13 @@ namespace {
 constexpr auto anchor_pause = std::chrono::minutes(1);
 // Smallest jump of the system clock that is reported. A shorter jump may be due to a pause of the
 // process between reading the two clocks.
-constexpr auto least_step = std::chrono::milliseconds(500);
+constexpr auto min_step = std::chrono::milliseconds(500);
 // The journal fails if the number of waiting jobs reaches this multiple of its capacity.
 constexpr std::size_t hard_limit = 10;
 // Maximum wait for another program's write transaction when the run ends.
 constexpr std::chrono::seconds last_wait{2};
 
-constexpr unsigned most_lines = 100;
+constexpr unsigned max_lines = 100;
 constexpr std::chrono::seconds stretch{10};
 
 spdlog::level::level_enum level_of(Severity s) {
@@ -132,8 +132,8 @@ void Journal::begin_next(MakeRun make) {
     // previous run is being closed does not replace a label of the new run.
     attempt([&] { take_label(before->new_label(UtcTime::max())); });
     const std::uint64_t labels = labels_;
-    constexpr int most_closing = 4;
-    if (closing_ >= most_closing) return attempt([&] { close_before(*before, labels); });
+    constexpr int max_closing = 4;
+    if (closing_ >= max_closing) return attempt([&] { close_before(*before, labels); });
     ++closing_;
     closer_->put([this, before, labels] {
       attempt([&] { close_before(*before, labels); });
@@ -222,7 +222,7 @@ void Journal::refresh_anchor(RunLog& log) {
   SlotAnchor& last = anchors_.back();
   const HostTime now = clock_.now();
   const UtcTime before = now + last.utc_offset, utc = clock_.utc();
-  if (std::chrono::abs(utc - before) >= least_step) {
+  if (std::chrono::abs(utc - before) >= min_step) {
     log.put(Severity::warning, "clock",
             "the system clock was set, or the machine was suspended: UTC jumped from " +
                 iso8601(before) + " to " + iso8601(utc) + "; later slots use the new time");
@@ -321,7 +321,7 @@ void RunLog::put(Severity severity, const std::string& source, const std::string
       write(Severity::warning, source,
             std::to_string(left_out) + " log lines dropped (limit 100 in 10 s)", true);
   }
-  if (++of.lines <= most_lines)
+  if (++of.lines <= max_lines)
     write(severity, source, text, recovery || severity != Severity::info);
   else
     ++of.left_out;

@@ -108,8 +108,8 @@ void BridgeClient::reject(const Block& block, const char* expected, const std::s
                                    "goodbyes", "histograms", "range profiles"};
   const auto kind = static_cast<std::size_t>(block.kind);
   const bool other = kind < std::size(kinds) && std::string(kinds[kind]) != expected;
-  constexpr std::size_t most_reasons = 20;
-  if (!other && reasons_.size() < most_reasons && reasons_.insert(reason).second)
+  constexpr std::size_t max_reasons = 20;
+  if (!other && reasons_.size() < max_reasons && reasons_.insert(reason).second)
     handlers_.event(Severity::error, std::string("its ") + expected + " have " + reason);
   if (other && !std::exchange(told_kind_, true))
     handlers_.event(Severity::warning,

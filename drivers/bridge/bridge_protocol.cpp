@@ -176,7 +176,7 @@ Result<HistogramPayload> read_histogram(ByteView payload) {
   frame.pulses = in.get<std::uint64_t>();
   const auto start_ps = in.get<double>(), width_ps = in.get<double>();
   frame.exposure_us = in.get<std::uint32_t>();
-  if (in.ok() && (frame.zones < 1 || frame.zones > most_zones))
+  if (in.ok() && (frame.zones < 1 || frame.zones > max_zones))
     return fault(std::to_string(frame.zones) + " zones; expected 1 to 64");
   if (!in.ok() || bins < 1 ||
       in.left() != sizeof(std::uint32_t) * frame.zones * std::uint64_t{bins})
@@ -204,10 +204,10 @@ Result<ProfilePayload> read_profile(ByteView payload) {
   // Converts microseconds to cycles of TI's 200 MHz counter, which wraps at 2^32.
   frame.time_cpu_cycles = static_cast<std::uint32_t>(200 * in.get<std::uint64_t>());
   const auto start_m = in.get<float>(), step_m = in.get<float>();
-  constexpr float farthest_m = 1e4F, least_step_m = 1e-6F;
+  constexpr float farthest_m = 1e4F, min_step_m = 1e-6F;
   if (!in.ok() || in.left() != sizeof(float) * std::uint64_t{bins}) return wrong_size(payload);
   if (bins < 4) return fault(std::to_string(bins) + " bins; expected at least 4");
-  if (!(std::abs(start_m) <= farthest_m) || !(step_m >= least_step_m) ||
+  if (!(std::abs(start_m) <= farthest_m) || !(step_m >= min_step_m) ||
       !(step_m * static_cast<float>(bins) <= farthest_m))
     return fault("an impossible axis; expected rising ranges of at most 10 km");
   frame.power = to_values<float>(in.take(in.left()));

@@ -10,7 +10,7 @@ namespace echofuse::bridge {
 namespace {
 
 constexpr int deepest = 8;
-constexpr int most_values = 1024;
+constexpr int max_values = 1024;
 
 // SAX handler that stores only the known strings and zones, so that other content uses no memory.
 class HelloReader final : public nlohmann::json_sax<nlohmann::json> {
@@ -36,7 +36,7 @@ class HelloReader final : public nlohmann::json_sax<nlohmann::json> {
   }
   // Accepts the top-level object, objects in the list of zones, and values of unknown keys.
   bool start_object(std::size_t) override {
-    const bool zone = is_in_list() && hello.zones.size() < most_zones && count();
+    const bool zone = is_in_list() && hello.zones.size() < max_zones && count();
     if (zone) hello.zones.emplace_back();
     return (depth_ == 0 || zone || other()) && ++depth_ <= deepest;
   }
@@ -64,7 +64,7 @@ class HelloReader final : public nlohmann::json_sax<nlohmann::json> {
   }
 
  private:
-  bool count() { return depth_ > 0 && ++values_ <= most_values; }
+  bool count() { return depth_ > 0 && ++values_ <= max_values; }
   bool is_in_list() const { return in_zones_ && depth_ == 2; }
   static double* number_of(Zone& zone, const string_t& name) {
     if (name == "x") return &zone.x;

@@ -16,9 +16,9 @@ struct Step {
 
 class FrameBuffer {
  public:
-  // An empty buffer keeps up to `most_kept` bytes of memory allocated until clear() or give_back()
+  // An empty buffer keeps up to `max_kept` bytes of memory allocated until clear() or give_back()
   // is called.
-  explicit FrameBuffer(std::size_t most_kept = 1 << 20) : most_kept_(most_kept) {}
+  explicit FrameBuffer(std::size_t max_kept = 1 << 20) : max_kept_(max_kept) {}
   // Repeatedly calls consume(view), where `view` contains unconsumed bytes in order and without
   // gaps, until `consume` needs more bytes than are available. For an empty view, `consume` must
   // return {0, wanted}.
@@ -58,7 +58,7 @@ class FrameBuffer {
     // bytes would be moved after every small frame.
     if (used_ == held_.size()) {
       held_.clear();
-      if (held_.capacity() > most_kept_) held_.shrink_to_fit();
+      if (held_.capacity() > max_kept_) held_.shrink_to_fit();
     } else if (used_ >= held_.size() / 4) {
       held_.erase(held_.begin(), held_.begin() + static_cast<std::ptrdiff_t>(used_));
     } else {
@@ -79,7 +79,7 @@ class FrameBuffer {
     }
   }
 
-  std::size_t most_kept_;
+  std::size_t max_kept_;
   Bytes held_;
   std::size_t used_ = 0;  // number of consumed bytes at the start of held_
   std::size_t wanted_ = 0;

@@ -8,7 +8,7 @@
 
 namespace echofuse {
 
-inline constexpr std::size_t most_zones = 64;
+inline constexpr std::size_t max_zones = 64;
 
 // A record contains the counts of all bins of the first zone, then those of the second zone, and so
 // on. A single pixel is a detector with one zone.

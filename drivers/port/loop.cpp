@@ -20,14 +20,14 @@ namespace echofuse::port {
 // Runs posted actions before due timers, because a timer may depend on the effect of an action.
 // After 32 consecutive actions, a due timer runs, so that a flood of actions does not delay timers.
 void Loop::run_until(const std::function<bool()>& done, HostTime until) {
-  constexpr int most_before_a_timer = 32;
+  constexpr int max_before_a_timer = 32;
   for (int before = 0; !done();) {
     const HostTime time = now();
     if (time >= until) return;
     const bool due = !alarms_.empty() && alarms_.begin()->first <= time;
     if (!due) {
       wait(alarms_.empty() ? until : std::min(until, alarms_.begin()->first));
-    } else if (before == most_before_a_timer || !poll()) {
+    } else if (before == max_before_a_timer || !poll()) {
       before = 0;
       const auto alarm = alarms_.extract(alarms_.begin());
       alarm.mapped()();

@@ -11,7 +11,7 @@ namespace echofuse::port {
 namespace {
 
 constexpr std::size_t transfer_count = 8, transfer_bytes = usb_ring_bytes / transfer_count;
-constexpr std::size_t most_queued = 64u << 20;
+constexpr std::size_t max_queued = 64u << 20;
 constexpr unsigned request_limit_ms = 500;
 constexpr auto cancel_limit = std::chrono::seconds(2);
 // maximum time in ms for which the device remains in use after its port is closed
@@ -199,7 +199,7 @@ class UsbWorker {
 
   void submit_idle() {
     for (Transfer& slot : slots_) {
-      if (slot.busy || failure_ || stopping_ || link_->queued > most_queued) continue;
+      if (slot.busy || failure_ || stopping_ || link_->queued > max_queued) continue;
       libusb_fill_bulk_transfer(slot.transfer, handle_.get(), endpoint_, slot.buffer.data(),
                                 static_cast<int>(slot.buffer.size()), completed, &slot, 0);
       const int error = libusb_submit_transfer(slot.transfer);

@@ -15,11 +15,11 @@ constexpr std::chrono::seconds cfg_keeps{10};
 constexpr std::chrono::milliseconds quiet{20};
 // A stopped board still sends the rest of one frame, which USB bridges may delay. A second frame,
 // or any frame that arrives after the longest possible transmission, is from another board.
-constexpr std::chrono::milliseconds held_back{50}, longest_transmission{250}, least_pause{300};
+constexpr std::chrono::milliseconds held_back{50}, longest_transmission{250}, min_pause{300};
 
 // Returns the time within which a board with this frame period would send two frames.
 std::chrono::milliseconds pause_for(double frame_period_s) {
-  return std::max(least_pause,
+  return std::max(min_pause,
                   held_back + std::chrono::milliseconds(std::lround(2100 * frame_period_s)));
 }
 }  // namespace

@@ -10,7 +10,7 @@
 namespace echofuse {
 namespace {
 
-constexpr std::int64_t most_parts = 100'000;
+constexpr std::int64_t max_parts = 100'000;
 
 std::optional<std::int64_t> number_of(std::string_view text) {
   std::int64_t out = 0;
@@ -27,7 +27,7 @@ JobPart JobPart::of(const std::string& text) {
     number = number_of(std::string_view(text).substr(0, slash));
     count = number_of(std::string_view(text).substr(slash + 1));
   }
-  if (!number || !count || *number < 1 || *number > *count || *count > most_parts)
+  if (!number || !count || *number < 1 || *number > *count || *count > max_parts)
     throw Error(ExitCode::usage, "--part " + printable(text, 40) +
                                      ": expected K/N with 1 <= K <= N <= 100000, for example " +
                                      "$SLURM_ARRAY_TASK_ID/16 in a Slurm job array");

@@ -20,7 +20,7 @@ namespace {
 
 constexpr std::string_view head = "echofuse device lock\n";
 constexpr int flags = O_NOFOLLOW | O_NONBLOCK | O_NOCTTY | O_CLOEXEC;
-constexpr off_t most_bytes = 1 << 20;
+constexpr off_t max_bytes = 1 << 20;
 
 struct flock whole_file() {
   struct flock lock {};  // l_pid must be 0 for F_OFD_SETLK
@@ -55,7 +55,7 @@ std::string contents(int fd, off_t bytes) {
 // header or part of it, because the lock's holder may be writing it.
 bool is_ours(int fd) {
   struct stat is {};
-  if (::fstat(fd, &is) != 0 || !S_ISREG(is.st_mode) || is.st_nlink > 1 || is.st_size > most_bytes)
+  if (::fstat(fd, &is) != 0 || !S_ISREG(is.st_mode) || is.st_nlink > 1 || is.st_size > max_bytes)
     return false;
   const std::string text = contents(fd, is.st_size);
   return text.starts_with(head.substr(0, text.size())) || text.find_first_not_of('\0') == text.npos;

@@ -102,8 +102,8 @@ bool OutputQueue::put(std::string text, bool state) {
   if (state && before != s.texts.end()) leave_out(before);
   s.bytes += text.size();
   s.texts.push_back({std::move(text), state});
-  const bool room = s.bytes <= most_bytes;
-  while (s.bytes > most_bytes && s.texts.size() > 1) leave_out(s.texts.begin());
+  const bool room = s.bytes <= max_bytes;
+  while (s.bytes > max_bytes && s.texts.size() > 1) leave_out(s.texts.begin());
   s.changed.notify_all();
   return room;
 }

@@ -16,7 +16,7 @@ namespace echofuse {
 // N dropped messages. Threading: any thread may call put() and use the stream.
 class OutputQueue {
  public:
-  static constexpr std::size_t most_bytes = 1 << 20;
+  static constexpr std::size_t max_bytes = 1 << 20;
   using Note = std::function<std::string(std::size_t)>;
   OutputQueue(int descriptor, Note note);
   ~OutputQueue();

@@ -133,7 +133,7 @@ void predict_one(const TrainedModel& model, const std::vector<std::string>& runs
   }
 }
 
-constexpr std::ptrdiff_t least_records = 100;
+constexpr std::ptrdiff_t min_records = 100;
 
 ExitCode train_and_save(Arguments& a, const CLI::App& app, const Common& common) {
   a.split.seed = a.fit.seed;
@@ -148,7 +148,7 @@ ExitCode train_and_save(Arguments& a, const CLI::App& app, const Common& common)
   save_model(model, a.out, [&](const TrainedModel& written) { predict_one(written, a.runs); });
   const auto trained =
       std::ranges::count(model.training.part, static_cast<std::uint8_t>(Subset::train));
-  if (!tuning && trained < least_records)
+  if (!tuning && trained < min_records)
     std::fprintf(stderr, "%s: trained on only %td records; about 1000 are recommended\n",
                  a.out.c_str(), trained);
   if (!common.quiet)

@@ -42,8 +42,8 @@ std::uint64_t key_of(std::int64_t fingerprint, std::size_t part) {
 
 std::int64_t fingerprint_of(const record::FusedRecord& r) {
   // Minimum number of clicks above the background.
-  constexpr double least_clicks = 100;
-  constexpr double most_log_chance = -30;
+  constexpr double min_clicks = 100;
+  constexpr double max_log_chance = -30;
   std::array<Hash, parts> hashes;
   if (!r.has(Sensor::spd)) {
     for (std::size_t i = 0; i < r.radar.size(); ++i)
@@ -56,7 +56,7 @@ std::int64_t fingerprint_of(const record::FusedRecord& r) {
   std::vector<float> values(first, last.base());
   const double clicks = std::accumulate(values.begin(), values.end(), 0.0);
   const double background = double{quantile(values, 0.5)} * static_cast<double>(values.size());
-  if (clicks - background < least_clicks) return 0;
+  if (clicks - background < min_clicks) return 0;
   const auto top = std::ranges::max_element(r.spd) - r.spd.begin();
   const auto used = [&](std::uint32_t n) {
     return n > 0 && n * dimmest >= r.spd[static_cast<std::size_t>(top)];
@@ -74,7 +74,7 @@ std::int64_t fingerprint_of(const record::FusedRecord& r) {
       log_chance[part_of(i)] -= std::log(4 * M_PI * static_cast<double>(n)) / 2;
     }
   const double sum = std::accumulate(log_chance.begin(), log_chance.end(), 0.0);
-  if (sum - std::ranges::min(log_chance) > most_log_chance) return 0;
+  if (sum - std::ranges::min(log_chance) > max_log_chance) return 0;
   for (std::ptrdiff_t i = 0; i < std::ssize(r.spd); ++i)
     if (const auto n = r.spd[static_cast<std::size_t>(i)]; used(n)) {
       hashes[part_of(i)].add(static_cast<std::uint32_t>(i - top));

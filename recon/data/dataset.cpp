@@ -294,7 +294,7 @@ Dataset load_recorded(const std::vector<std::string>& paths) {
   if (const std::string said = depths->text(paths.front(), data.spd().axis); !said.empty())
     std::fprintf(stderr, "%s\n", said.c_str());
   const std::size_t damaged = data.damaged.size(), all = data.size() + damaged;
-  if (static_cast<double>(damaged) > most_damaged * static_cast<double>(all))
+  if (static_cast<double>(damaged) > max_damaged * static_cast<double>(all))
     throw Error(ExitCode::failed, to_text(data.damaged.front()) + "; " + std::to_string(damaged) +
                                       " of " + std::to_string(all) +
                                       " records are dead or damaged (limit 10 %)");

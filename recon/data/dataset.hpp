@@ -161,7 +161,7 @@ void require_memory(const std::vector<std::string>& paths);
 // Reads the runs into one Dataset that has the axes of the first run (see is_near()). Subtracts the
 // calibrated range offsets. All runs must have the same map grid. Dataset::damaged lists records
 // with a wrong size, values that are not finite, or more clicks than a time tagger can send. Throws
-// Error(failed) with the file name if the fraction of damaged records exceeds `most_damaged`.
+// Error(failed) with the file name if the fraction of damaged records exceeds `max_damaged`.
 // Throws the same error if the memory is too small (require_memory), or if depths have the wrong
 // unit (depth_check.hpp).
 Dataset load(const std::vector<std::string>& paths);
@@ -169,7 +169,7 @@ Dataset load(const std::vector<std::string>& paths);
 // subtract_range_offset() can then subtract the calibration offset and the user's offset in one
 // interpolation.
 Dataset load_recorded(const std::vector<std::string>& paths);
-inline constexpr double most_damaged = 0.1;
+inline constexpr double max_damaged = 0.1;
 // Returns the CRC-32C of the columns (Dataset::hash).
 std::uint32_t crc32c_of(const Dataset& data);
 

@@ -20,7 +20,7 @@ std::complex<float> response(const record::Antenna& a) {
 // line.
 std::size_t spacing_of(double along, double aside) {
   const double spacing = std::round(along);
-  const bool lag = spacing >= 1 && spacing <= static_cast<double>(most_lags) &&
+  const bool lag = spacing >= 1 && spacing <= static_cast<double>(max_lags) &&
                    std::abs(along - spacing) <= same_place && std::abs(aside) <= same_place;
   return lag ? static_cast<std::size_t>(spacing) : 0;
 }

@@ -21,7 +21,7 @@
 namespace echofuse::recon {
 
 // Largest lag that is used, in half wavelengths; supported boards have lags up to 7.
-inline constexpr std::size_t most_lags = 16;
+inline constexpr std::size_t max_lags = 16;
 
 class SpatialLags {
  public:

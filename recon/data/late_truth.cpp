@@ -13,9 +13,9 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr std::size_t least_pairs = 30, block_records = 100;
-constexpr int most_lag = 5;
-constexpr double least_correlation = 0.3;
+constexpr std::size_t min_pairs = 30, block_records = 100;
+constexpr int max_lag = 5;
+constexpr double min_correlation = 0.3;
 // Minimum difference between two correlation coefficients, in standard errors of their Fisher
 // z-transforms.
 constexpr double clear = 5;
@@ -53,7 +53,7 @@ struct Lag {
 
 Lag lag_of(const Dataset& data, const Means& means, std::size_t begin, std::size_t end) {
   Lag found;
-  for (int lag = -most_lag; lag <= most_lag; ++lag) {
+  for (int lag = -max_lag; lag <= max_lag; ++lag) {
     // Both correlations of a lag are computed from the same rows.
     std::vector<double> ranges, own, other;
     for (std::size_t row = begin; row < end; ++row) {
@@ -64,11 +64,11 @@ Lag lag_of(const Dataset& data, const Means& means, std::size_t begin, std::size
       ranges.push_back(means.range[row]);
       own.push_back(means.depth[row]), other.push_back(means.depth[of]);
     }
-    if (lag == 0 || ranges.size() < least_pairs) continue;
+    if (lag == 0 || ranges.size() < min_pairs) continue;
     const double with_own = correlation(ranges, own), with_other = correlation(ranges, other);
     const double error = std::sqrt(2 / static_cast<double>(ranges.size() - 3));
     const double errors = (fisher_z(with_other) - fisher_z(with_own)) / error;
-    if (with_other >= least_correlation && errors >= found.errors)
+    if (with_other >= min_correlation && errors >= found.errors)
       found = {lag, with_other, with_own, errors};
   }
   return found;

@@ -15,7 +15,7 @@ namespace echofuse::recon {
 namespace {
 
 constexpr double reach_cells = 3;
-constexpr std::ptrdiff_t most_reach = 48;  // maximum half-length of the filter, in points
+constexpr std::ptrdiff_t max_reach = 48;  // maximum half-length of the filter, in points
 // Limit of the ratio between the response width of a run and that of the model. If the ratio is
 // smaller, a model trained for any response uses the run without conversion. In tests with a
 // digital twin, the reference was the response of a Blackman window. At a ratio of .67, the IoU was
@@ -103,7 +103,7 @@ std::vector<double> response_filter(const record::RadarResponse& own,
   using Eigen::Index, Eigen::MatrixXd, Eigen::VectorXd;
   const double cell_m = std::max(own.cell_m, wanted.cell_m);
   const auto reach = std::clamp<std::ptrdiff_t>(
-      static_cast<std::ptrdiff_t>(std::ceil(reach_cells * cell_m / step_m)), 1, most_reach);
+      static_cast<std::ptrdiff_t>(std::ceil(reach_cells * cell_m / step_m)), 1, max_reach);
   const Index count = 2 * reach + 1, places = 2 * parts * 2 * reach + 1;
   MatrixXd responses(places, count);
   VectorXd target(places);

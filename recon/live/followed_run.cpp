@@ -20,7 +20,7 @@ namespace echofuse::view {
 namespace {
 
 namespace fs = std::filesystem;
-constexpr std::size_t most_events = 40;
+constexpr std::size_t max_events = 40;
 
 std::int64_t changed_ns(const struct stat& file) {
   return file.st_mtim.tv_sec * std::int64_t{1'000'000'000} + file.st_mtim.tv_nsec;
@@ -116,7 +116,7 @@ void FollowedRun::read() {
   else if (info.status != info_.status || !same_axes)
     ++edition_;
   info_ = info, axes_ = std::move(axes);
-  events_ = run.last_events(most_events);
+  events_ = run.last_events(max_events);
   for (const record::FusedRecord& o : run.outlines(last().value_or(-1) + 1)) take(o);
   const auto late = run.late();
   for (const Sensor s : all_sensors)

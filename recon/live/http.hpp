@@ -17,7 +17,7 @@ namespace echofuse::view {
 namespace http = boost::beast::http;
 using HttpRequest = http::request<http::empty_body>;
 using HttpResponse = http::response<http::string_body>;
-inline constexpr std::uint32_t most_header_bytes = 8192;
+inline constexpr std::uint32_t max_header_bytes = 8192;
 
 // Target and access rights of a request. If `refusal` is not `ok`, it is the HTTP status of the
 // response. If the server shows a folder, /run/NAME/ is the page of the run NAME, and /newest/ is

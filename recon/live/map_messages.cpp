@@ -12,9 +12,9 @@ namespace {
 
 using Json = nlohmann::json;
 constexpr double track_s = 60;
-constexpr std::size_t most_places = 30;  // maximum number of points in a track
-constexpr std::size_t most_places_kept = 1000;
-constexpr std::size_t most_scored = 100;  // maximum number of records scored for a saved page
+constexpr std::size_t max_places = 30;  // maximum number of points in a track
+constexpr std::size_t max_places_kept = 1000;
+constexpr std::size_t max_scored = 100;  // maximum number of records scored for a saved page
 
 }  // namespace
 
@@ -68,7 +68,7 @@ std::vector<std::int64_t> RunMessages::worst_and_median() const {
     if (o.valid.contains(Sensor::depth) && !model_->saw(run_.info().uuid, o.index))
       unseen.push_back(o.index);
   run_.with_reader([&](const record::RunReader& run) {
-    for (const std::int64_t index : spread(unseen, most_scored)) {
+    for (const std::int64_t index : spread(unseen, max_scored)) {
       Reconstruction made = model_->reconstruct(run, index, false);
       model_->compare(made, map_of(run.read(index), run.axes(), made.grid));
       if (made.iou) scored.emplace_back(*made.iou, index);
@@ -96,9 +96,9 @@ std::vector<float> RunMessages::track(const record::RunReader& run, std::int64_t
     if (!minute.empty() && minute.front()->start - o->start > from_seconds(track_s)) break;
     minute.push_back(&*o);
   }
-  if (places_.size() > most_places_kept && !minute.empty())
+  if (places_.size() > max_places_kept && !minute.empty())
     places_.erase(places_.begin(), places_.lower_bound(minute.back()->index));
-  const auto step = static_cast<std::int64_t>(minute.size() / most_places + 1);
+  const auto step = static_cast<std::int64_t>(minute.size() / max_places + 1);
   std::vector<float> out;
   for (const Outline* o : minute) {
     if (o->index != index && o->index % step != 0) continue;

@@ -42,7 +42,7 @@ bool is_index(const Json& value) {
 }
 
 Request sum_of(const Json& value) {
-  if (!value.is_array() || value.size() != 3 || !is_index(value[0]) || value[0] > most_summed ||
+  if (!value.is_array() || value.size() != 3 || !is_index(value[0]) || value[0] > max_summed ||
       !value[1].is_number() || !value[2].is_number())
     return BadRequest{
         "sum: expected [number of records (0 to 1000), fit range start (m), fit range end (m)]"};
@@ -52,7 +52,7 @@ Request sum_of(const Json& value) {
 Request mark_of(const Json& text, bool label) {
   if (!text.is_string()) return BadRequest{"mark and label: expected a string"};
   Mark mark{label, text.get<std::string>()};
-  if (mark.text.size() > most_text_bytes || (mark.text.empty() && !label))
+  if (mark.text.size() > max_text_bytes || (mark.text.empty() && !label))
     return BadRequest{
         "text too long or empty: expected 1 to 200 bytes for a mark, 0 to 200 for a label"};
   if (printable(mark.text) != mark.text) return BadRequest{"expected one line of printable text"};
@@ -99,7 +99,7 @@ Message MessageWriter::finish(Json header) const {
 }
 
 Request parse_request(std::string_view text) {
-  if (text.size() > most_request_bytes) return BadRequest{"request too long (limit 1024 bytes)"};
+  if (text.size() > max_request_bytes) return BadRequest{"request too long (limit 1024 bytes)"};
   // Limits the nesting depth, because deep nesting would take much stack space and time. Valid
   // requests have at most two levels.
   int depth = 0, deepest = 0;

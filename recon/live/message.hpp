@@ -9,7 +9,7 @@
 //              {NAME: {"type": "u8"|"u16"|"u32"|"f32"|"f64", "offset": from a, "shape": [...]}}
 // header["kind"] is one of:
 //   run        Constants of the run: file, uuid, window_s, axes, map (grid), model (name), trigger
-//              (levels of the tagger), most_clicks_per_pulse (pile-up limit), baseline_m (distance
+//              (levels of the tagger), max_clicks_per_pulse (pile-up limit), baseline_m (distance
 //              of the radar to the left of the detector, 0 if unknown), calibrated (true if the
 //              model estimates its errors), facts (settings and devices as [name, text]),
 //              may_write.
@@ -66,9 +66,9 @@
 
 namespace echofuse::view {
 
-inline constexpr std::size_t most_request_bytes = 1024, most_text_bytes = 200;
+inline constexpr std::size_t max_request_bytes = 1024, max_text_bytes = 200;
 inline constexpr std::size_t strip_columns = 360, sheet_maps = 48, sheet_side = 32,
-                             most_summed = 1000;
+                             max_summed = 1000;
 
 using Message = std::shared_ptr<const Bytes>;
 

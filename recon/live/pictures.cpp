@@ -8,10 +8,8 @@
 namespace echofuse::view {
 namespace {
 
-constexpr std::size_t most_column_bins = 256;
-std::size_t column_step(std::size_t bins) {
-  return (bins + most_column_bins - 1) / most_column_bins;
-}
+constexpr std::size_t max_column_bins = 256;
+std::size_t column_step(std::size_t bins) { return (bins + max_column_bins - 1) / max_column_bins; }
 
 }  // namespace
 

@@ -17,15 +17,15 @@ namespace {
 
 using Json = nlohmann::json;
 constexpr double first_minute_s = 60;
-constexpr std::size_t most_reference_records = 200;
+constexpr std::size_t max_reference_records = 200;
 constexpr std::int64_t checked_records = 100;
 constexpr double check_pause_s = 10;
 // Maximum number of records in a sum that starts at a mark. Reading 20 000 records takes about 0.3
 // s.
-constexpr std::int64_t most_since_mark = 20'000;
-constexpr std::size_t most_sums = 4;  // maximum number of cached sums
+constexpr std::int64_t max_since_mark = 20'000;
+constexpr std::size_t max_sums = 4;  // maximum number of cached sums
 // Maximum number of events searched for a mark.
-constexpr std::size_t most_events_searched = 1000;
+constexpr std::size_t max_events_searched = 1000;
 
 Json axis_json(const Axis& a) {
   return {{"quantity", a.quantity},
@@ -73,7 +73,7 @@ const RunMessages::RunSettings& RunMessages::settings() {
   settings_ = {};
   const std::map<std::string, double*> wanted{
       {"tdc.laser_rate_hz", &settings_.laser_hz},
-      {"signal.clicks_per_pulse", &settings_.most_clicks_per_pulse},
+      {"signal.clicks_per_pulse", &settings_.max_clicks_per_pulse},
       {"alert.after_s", &settings_.alert.after_s},
       {"alert.disk_free_gb", &settings_.alert.disk_free_gb}};
   for_each_setting(run_.info().config_resolved,
@@ -102,7 +102,7 @@ Message RunMessages::about_run(bool may_write) {
            {"axes", axes},
            {"facts", facts()},
            {"trigger", trigger_levels()},
-           {"most_clicks_per_pulse", settings().most_clicks_per_pulse},
+           {"most_clicks_per_pulse", settings().max_clicks_per_pulse},
            {"baseline_m", record::radar_mounting_of(info.meta).baseline_m},
            {"map", {{"size", grid.size}, {"half_tangent", grid.half_tangent}}},
            {"model", model_ ? Json(model_->name()) : Json()},
@@ -295,7 +295,7 @@ std::optional<std::int64_t> RunMessages::first_since_mark(std::int64_t index) co
   if (shown == all.end()) return std::nullopt;
   std::string mark;
   run_.with_reader([&](const record::RunReader& run) {
-    for (const record::Event& e : run.last_events(most_events_searched))
+    for (const record::Event& e : run.last_events(max_events_searched))
       if (e.level == "note" && e.utc <= iso8601(shown->end)) mark = e.utc;
   });
   if (mark.empty()) return std::nullopt;
@@ -311,11 +311,11 @@ Message RunMessages::sum(std::int64_t index, const ShowSum& request) {
                          : first_since_mark(index);
   if (!first)
     return MessageWriter().finish({{"kind", "sum"}, {"why", "no mark before this record"}});
-  if (sums_.size() >= most_sums && !sums_.contains(request.records)) sums_.clear();
-  if (index - *first >= most_since_mark)
+  if (sums_.size() >= max_sums && !sums_.contains(request.records)) sums_.clear();
+  if (index - *first >= max_since_mark)
     return MessageWriter().finish(
         {{"kind", "sum"},
-         {"why", "the mark is more than " + std::to_string(most_since_mark) + " records ago"}});
+         {"why", "the mark is more than " + std::to_string(max_since_mark) + " records ago"}});
   Summed known = sums_[request.records];
   const bool grows = known.edition == run_.edition() && known.first <= *first &&
                      known.last <= index && known.last >= *first;
@@ -446,7 +446,7 @@ Message RunMessages::reference() {
   run_.with_reader([&](const record::RunReader& run) {
     run.for_each(
         [&](const record::FusedRecord& r) {
-          if (r.slot_utc >= end || records >= most_reference_records) return false;
+          if (r.slot_utc >= end || records >= max_reference_records) return false;
           if (!r.has(Sensor::spd)) return true;
           const std::vector<float> clicks = clicks_of(r, run_.axes());
           sum.resize(clicks.size());

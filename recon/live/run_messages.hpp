@@ -49,7 +49,7 @@ class RunMessages {
 
  private:
   struct RunSettings {  // settings read from the configuration stored in the run
-    double laser_hz = 0, most_clicks_per_pulse = record::most_clicks_per_pulse;
+    double laser_hz = 0, max_clicks_per_pulse = record::max_clicks_per_pulse;
     record::AlertLimits alert;
   };
   const RunSettings& settings();

@@ -15,7 +15,7 @@ namespace {
 
 using Json = nlohmann::json;
 constexpr int level = 9;
-constexpr std::size_t most_doubtful = 8;
+constexpr std::size_t max_doubtful = 8;
 
 std::string base64(const Bytes& bytes) {
   constexpr std::string_view digits =
@@ -91,12 +91,12 @@ std::vector<std::int64_t> chosen(const RunMessages& messages,
     indices.push_back(o.index);
     if (o.doubtful) doubtful.push_back(o.index);
   }
-  for (const std::int64_t index : spread(doubtful, most_doubtful)) add(index);
+  for (const std::int64_t index : spread(doubtful, max_doubtful)) add(index);
   for (const std::int64_t index : spread(indices, sheet_maps))
     if (std::ranges::find(out, index) == out.end()) rest.push_back(index);
-  const std::size_t free = most_saved_records - std::min(most_saved_records, out.size());
+  const std::size_t free = max_saved_records - std::min(max_saved_records, out.size());
   for (const std::int64_t index : spread(rest, free)) add(index);
-  out.resize(std::min(out.size(), most_saved_records));
+  out.resize(std::min(out.size(), max_saved_records));
   return out;
 }
 
@@ -121,7 +121,7 @@ std::string saved_page(RunMessages& messages, const std::vector<std::int64_t>& l
   Json kept = Json::array();
   for (const std::int64_t index : chosen(messages, listed)) {
     const std::string line = line_of(record_or_reason(messages, index));
-    if (page.size() + whole.size() + records.size() + line.size() > most_saved_bytes) break;
+    if (page.size() + whole.size() + records.size() + line.size() > max_saved_bytes) break;
     records += line;
     kept.push_back(index);
   }

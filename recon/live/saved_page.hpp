@@ -10,7 +10,7 @@
 namespace echofuse::view {
 
 // Limits of a saved page. Further records are left out, and the page states how many.
-inline constexpr std::size_t most_saved_records = 40, most_saved_bytes = 2'900'000;
+inline constexpr std::size_t max_saved_records = 40, max_saved_bytes = 2'900'000;
 
 // Returns the page. It contains the messages of the whole run, the records `listed` and, as far as
 // the limits allow, doubtful records, the records with the lowest and the median IoU, and records

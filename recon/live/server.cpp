@@ -198,7 +198,7 @@ void Server::Impl::listen() {
 void Server::Impl::accept() {
   acceptor_.async_accept([this](Error_code error, tcp::socket socket) {
     if (error == net::error::operation_aborted) return;
-    if (!error && open_ < most_connections)
+    if (!error && open_ < max_connections)
       guarded([&] {
         Error_code none;
         socket.set_option(net::socket_base::send_buffer_size(256 << 10), none);

@@ -13,7 +13,7 @@
 
 namespace echofuse::view {
 
-inline constexpr int most_connections = 64;
+inline constexpr int max_connections = 64;
 
 struct ServerOptions {
   // Run file or folder; may not exist yet. A missing path is treated as a run file. For a folder,

@@ -12,7 +12,7 @@ namespace {
 namespace beast = boost::beast;
 namespace websocket = beast::websocket;
 constexpr auto patience = std::chrono::seconds(10);
-constexpr std::size_t most_marks = 8;  // maximum number of pending marks
+constexpr std::size_t max_marks = 8;  // maximum number of pending marks
 
 }  // namespace
 
@@ -33,7 +33,7 @@ void Session::handle(const std::function<void()>& body) {
 
 void Session::start() {
   parser_.emplace();
-  parser_->header_limit(most_header_bytes);
+  parser_->header_limit(max_header_bytes);
   parser_->body_limit(std::uint64_t{0});
   beast::get_lowest_layer(stream_).expires_after(patience);
   http::async_read(stream_.next_layer(), buffer_, *parser_,
@@ -65,7 +65,7 @@ void Session::upgrade() {
   beast::get_lowest_layer(stream_).expires_never();
   stream_.set_option(websocket::stream_base::timeout{
       .handshake_timeout = patience, .idle_timeout = patience, .keep_alive_pings = true});
-  stream_.read_message_max(most_request_bytes);
+  stream_.read_message_max(max_request_bytes);
   stream_.binary(true);
   stream_.auto_fragment(false);  // sends each message as one frame
   stream_.async_accept(request_, [self = shared_from_this()](beast::error_code error) {
@@ -97,7 +97,7 @@ void Session::on_message() {
     sum_ = request;
   else if (std::holds_alternative<ShowLive>(request) || std::holds_alternative<ShowRecord>(request))
     record_ = request;
-  else if (marks_.size() < most_marks)
+  else if (marks_.size() < max_marks)
     marks_.push_back(request);
   else
     return close();

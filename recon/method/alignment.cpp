@@ -32,14 +32,14 @@ void archive_constants(Archive archive) {
                                    {"histogram_step_m", method::histogram_step_m},
                                    {"profile_from_m", method::profile_from_m},
                                    {"profile_to_m", method::profile_to_m},
-                                   {"least_profile_step_m", method::least_profile_step_m},
+                                   {"least_profile_step_m", method::min_profile_step_m},
                                    {"coarse_step_m", method::coarse_step_m},
                                    {"steps_a_resolution", method::steps_a_resolution},
                                    {"shift_from_m", method::shift_from_m},
                                    {"shift_to_m", method::shift_to_m},
                                    {"part_from_m", method::part_from_m},
                                    {"part_to_m", method::part_to_m},
-                                   {"least_part_m", method::least_part_m}}) {
+                                   {"least_part_m", method::min_part_m}}) {
     double number = value;
     archive.number(key, number, value, value);
   }
@@ -101,7 +101,7 @@ void Alignment::set_axes(const Layout& layout) {
     radar_first_m_ = layout.radar.start, radar_step_m_ = layout.radar.step;
   points_a_step_ = radar_step_m_ >= method::coarse_step_m ? 2 : 1;
   steps_a_point_ =
-      static_cast<std::ptrdiff_t>(std::ceil(method::least_profile_step_m / radar_step_m_));
+      static_cast<std::ptrdiff_t>(std::ceil(method::min_profile_step_m / radar_step_m_));
   profile_step_m_ =
       radar_step_m_ * static_cast<double>(steps_a_point_) / static_cast<double>(points_a_step_);
   array_ = ArrayView(layout.array);

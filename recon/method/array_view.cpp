@@ -19,7 +19,7 @@ ArrayView::ArrayView(const Axis& lags) {
   if (lags.count == 0) return;
   up_ = lags_up(lags), across_ = static_cast<std::size_t>(lags.scale) - up_, bins_ = lags.count;
   first_m_ = lags.start, step_m_ = lags.step;
-  part_m_ = std::max(step_m_, method::least_part_m);
+  part_m_ = std::max(step_m_, method::min_part_m);
   parts_ = 1 + static_cast<std::size_t>((method::part_to_m - method::part_from_m) / part_m_ + 1e-9);
 }
 

@@ -13,13 +13,13 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr std::size_t most_side = record::most_map_size, most_cells = most_side * 3 / 2;
+constexpr std::size_t max_side = record::max_map_size, max_cells = max_side * 3 / 2;
 
 // Positions of the points of one grid relative to the cells of another grid, along one dimension.
 // Point i lies between cells low[i] and low[i] + 1, at the fraction part[i].
 struct CellInterpolation {
-  std::array<std::int32_t, most_cells> low;
-  std::array<float, most_cells> part;
+  std::array<std::int32_t, max_cells> low;
+  std::array<float, max_cells> part;
 };
 
 // Sets the position of point i to first + i * step. A position that is not finite or too far away
@@ -147,12 +147,12 @@ ECHOFUSE_CLONES void draw_rows(const Drawing& d, float* map, float* share) {
   const std::int32_t nearest = low[0];  // first cell column that the row needs
   const auto cells = static_cast<std::size_t>(low[count - 1] + 2 - nearest);
   // For each cell, the first pixel at or after it.
-  std::array<std::size_t, most_cells + 1> from;
+  std::array<std::size_t, max_cells + 1> from;
   std::size_t cell = 0;
   for (std::size_t c = 0; c < count; ++c)
     while (cell <= static_cast<std::size_t>(low[c] - nearest)) from[cell++] = c;
   while (cell <= cells) from[cell++] = count;
-  std::array<float, most_cells> mask_row, relief_row;
+  std::array<float, max_cells> mask_row, relief_row;
   for (std::size_t r = d.map_rows.first; r < d.map_rows.last; ++r) {
     const std::size_t upper =
         static_cast<std::size_t>(d.down.low[r]) * d.columns + static_cast<std::size_t>(nearest);
@@ -213,10 +213,10 @@ void BodyFrame::draw(std::span<const float> mask, std::span<const float> relief,
 void BodyFrame::draw_soft(std::span<const float> mask, std::span<const float> relief,
                           const Place& place, std::span<float> share,
                           std::span<float> depth) const {
-  constexpr float least_share = 0.1f;  // below this mask value, relief / mask is mostly noise
+  constexpr float min_share = 0.1f;  // below this mask value, relief / mask is mostly noise
   std::fill(share.begin(), share.end(), 0.f);
   std::fill(depth.begin(), depth.end(), place.depth_m);
-  draw_onto(mask, relief, place, least_share, depth, share);
+  draw_onto(mask, relief, place, min_share, depth, share);
 }
 
 std::size_t BodyFrame::draw_cost() const {

@@ -25,7 +25,7 @@ inline constexpr double zone_step_m = 0.2;        // wide, because each zone det
 // therefore extends farther behind the body than in front of it.
 inline constexpr double profile_from_m = -0.8, profile_to_m = 1.1;
 // Minimum step of the profile in a view; points of a finer recorded profile are skipped.
-inline constexpr double least_profile_step_m = 0.02;
+inline constexpr double min_profile_step_m = 0.02;
 // If the profile step is larger than this value, the profile is also interpolated halfway between
 // its points.
 inline constexpr double coarse_step_m = 0.08;
@@ -41,7 +41,7 @@ inline constexpr double shift_from_m = -0.3, shift_to_m = 0.6;
 inline constexpr double part_from_m = -0.5;
 inline constexpr double part_to_m = 0.65;
 // Minimum length of a part of the antenna window, m; a shorter part would contain mostly noise.
-inline constexpr double least_part_m = 0.15;
+inline constexpr double min_part_m = 0.15;
 inline constexpr int lags_of_parts = 4;  // largest lag of a part; longer lags add no information
 // Number of directions in the grid search. Their spacing is at most a third of the beam width of
 // eight antennas.

@@ -11,10 +11,10 @@ constexpr double significance = 10;  // minimum baseline, in standard deviations
 // Profile shift used to measure displacement_gain(), m. It is similar to the distances between the
 // bodies of a data set.
 constexpr double probe_m = 0.05;
-constexpr std::size_t most_probed = 200;
+constexpr std::size_t max_probed = 200;
 // Required accuracy of the baseline estimate, m, if the antennas measure the direction of the body.
-constexpr double least_deviation_m = 0.03;
-constexpr double most_range_bias_m = 0.15;  // maximum random range bias that rotate() adds, m
+constexpr double min_deviation_m = 0.03;
+constexpr double max_range_bias_m = 0.15;  // maximum random range bias that rotate() adds, m
 
 double sine_of(const Place& place) {
   const auto tangent = double{place.tangent};
@@ -42,7 +42,7 @@ RotatedBodies::RotatedBodies(const Alignment& alignment, const Matrix& inputs, c
   const double slope = slope_m(deviation_m), gain = displacement_gain();
   // False if all records are equal (slope 0/0), so that no body is rotated.
   rotates_ = std::abs(slope) > significance * deviation_m ||
-             (has_array_ && deviation_m < least_deviation_m * gain);
+             (has_array_ && deviation_m < min_deviation_m * gain);
   if (rotates_) baseline_m_ = slope / gain;
 }
 
@@ -68,7 +68,7 @@ double RotatedBodies::slope_m(double& deviation_m) const {
 // Returns the change of displacement_m() per metre of profile shift. It is below 1 if noise pulls
 // the centroid towards the middle of the window.
 double RotatedBodies::displacement_gain() const {
-  const std::size_t every = 1 + rows_.size() / most_probed;
+  const std::size_t every = 1 + rows_.size() / max_probed;
   double sum_m = 0, count = 0;
   std::vector<float> moved(inputs_.cols);
   for (std::size_t k = 0; k < rows_.size(); k += every, ++count) {
@@ -100,7 +100,7 @@ Place RotatedBodies::rotate(std::size_t k, Rng& rng, std::span<float> inputs) co
   const double range_after_m = radar_range_m(range_m, baseline_m_, to);
   double farther_m = range_after_m - range_before_m;
   if (has_array_) {
-    farther_m += std::uniform_real_distribution<double>(-most_range_bias_m, most_range_bias_m)(rng);
+    farther_m += std::uniform_real_distribution<double>(-max_range_bias_m, max_range_bias_m)(rng);
     alignment_.move_array(array_.row(rows_[k]), farther_m,
                           (baseline_m_ + range_m * to) / range_after_m -
                               (baseline_m_ + range_m * from) / range_before_m,

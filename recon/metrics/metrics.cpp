@@ -14,15 +14,15 @@ namespace {
 
 constexpr double undefined = std::numeric_limits<double>::quiet_NaN();
 constexpr double side_threshold_m = 0.3;
-constexpr double least_mass = 1;  // minimum number of foreground pixels for a valid position
+constexpr double min_mass = 1;  // minimum number of foreground pixels for a valid position
 
 // Weighted mean of the added values; NaN if no value was added.
 struct Mean {
   double sum = 0;
   double weight = 0;
   void add(double value, double w = 1) { sum += w * value, weight += w; }
-  double value(double least_weight = 0) const {
-    return weight > least_weight ? sum / weight : undefined;
+  double value(double min_weight = 0) const {
+    return weight > min_weight ? sum / weight : undefined;
   }
 };
 
@@ -51,7 +51,7 @@ double centroid_tangent(const Mask& mask, const record::MapGrid& grid) {
     for (std::size_t c = 0; c < x.count; ++c) of_column[c] += mask[first + c];
   Mean tangent;
   for (std::size_t c = 0; c < x.count; ++c) tangent.add(x.at(static_cast<double>(c)), of_column[c]);
-  return tangent.value(least_mass);
+  return tangent.value(min_mass);
 }
 
 // Returns the mean of the SSIM map over the mask, dilated by the 11 x 11 window.
@@ -119,7 +119,7 @@ void score_position(MapScores& out, std::span<const float> truth, const Mask& ma
   const bool to_a_side = std::abs(true_tangent) * range.value() > side_threshold_m;
   const bool right_side = (tangent > 0) == (true_tangent > 0);
   out[metric_lateral_m] = std::abs(tangent - true_tangent) * range.value();
-  out[metric_ghost] = to_a_side ? ghost.value(least_mass) : undefined;
+  out[metric_ghost] = to_a_side ? ghost.value(min_mass) : undefined;
   out[metric_left_right] = to_a_side && !std::isnan(tangent) ? right_side : undefined;
 }
 
@@ -150,7 +150,7 @@ BodyPlace body_place(std::span<const float> prediction, const SceneModel& scene)
   Mean z;
   for (std::size_t p = 0; p < found.size(); ++p)
     if (found[p]) z.add(map[p]);
-  const double z_m = z.value(least_mass);
+  const double z_m = z.value(min_mass);
   return {centroid_tangent(found, scene.grid) * z_m, z_m};
 }
 

@@ -13,7 +13,7 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr std::size_t least_records = 30;
+constexpr std::size_t min_records = 30;
 constexpr double usual_baseline_m = 0.5;
 // A correlation is clear if its Fisher z-transform exceeds this number of standard errors.
 constexpr double clear = 4;
@@ -25,7 +25,7 @@ struct Place {
 // Returns the mean place of the pixels that differ from the background; `z_m` is 0 if there are
 // too few.
 Place place_of(std::span<const float> map, const SceneModel& scene, const Axis& x) {
-  constexpr double least_share = 0.002;
+  constexpr double min_share = 0.002;
   Place sum;
   double pixels = 0;
   for (std::size_t p = 0; p < map.size(); ++p) {
@@ -33,7 +33,7 @@ Place place_of(std::span<const float> map, const SceneModel& scene, const Axis& 
     sum.x_m += double{map[p]} * x.at(static_cast<double>(p % scene.grid.size));
     sum.z_m += double{map[p]}, ++pixels;
   }
-  if (pixels < least_share * static_cast<double>(map.size())) return {};
+  if (pixels < min_share * static_cast<double>(map.size())) return {};
   return {sum.x_m / pixels, sum.z_m / pixels};
 }
 
@@ -58,7 +58,7 @@ std::string line_of(const Dataset& data, const Source& run) {
     if (data.sound_depth(row) && data.has(row, Sensor::radar) &&
         data.doubt_of(row, Inputs::radar, false).empty())
       rows.push_back(row);
-  if (rows.size() < least_records) return {};
+  if (rows.size() < min_records) return {};
   const SceneModel scene = learn_scene(data.depth(), rows, data.map);
   // A low quantile, because bodies may be in a range bin in most records.
   const std::vector<float> room = column_quantile(data.radar(), rows, 0.1);
@@ -79,7 +79,7 @@ std::string line_of(const Dataset& data, const Source& run) {
     of_side_m.push_back(
         (std::hypot(at.x_m + baseline_m, at.z_m) - std::hypot(at.x_m - baseline_m, at.z_m)) / 2);
   }
-  if (farther_m.size() < least_records) return {};
+  if (farther_m.size() < min_records) return {};
   const double found = correlation(farther_m, of_side_m);
   if (fisher_z(found) * std::sqrt(static_cast<double>(farther_m.size() - 3)) > -clear) return {};
   return printable(run.path) +

@@ -15,7 +15,7 @@ namespace {
 constexpr float foreground_step_m = 0.1f;
 // The foreground is treated as empty if at least this fraction of its summed depth differences from
 // the background comes from pixels that lie behind the background.
-constexpr double most_behind = 0.25;
+constexpr double max_behind = 0.25;
 // Minimum depth of a return, relative to the mean foreground depth.
 constexpr float nearest_share = 0.125f;
 // Maximum fraction of values below the minimum depth in a map of returns.
@@ -74,7 +74,7 @@ SceneModel learn_scene(const Matrix& depth, const Rows& rows, const record::MapG
   }
   for (std::size_t p = 0; p < sum.size(); ++p)
     scene.mean_map[p] = static_cast<float>(sum[p] / static_cast<double>(rows.size()));
-  if (foreground_count > 0 && behind_m < most_behind * off_m)
+  if (foreground_count > 0 && behind_m < max_behind * off_m)
     scene.foreground_depth_m =
         static_cast<float>(foreground_sum / static_cast<double>(foreground_count));
   return scene;
@@ -82,10 +82,10 @@ SceneModel learn_scene(const Matrix& depth, const Rows& rows, const record::MapG
 
 void archive(Archive archive, SceneModel& scene) {
   constexpr float farthest_m = 100;
-  archive.count("map_size", scene.grid.size, record::least_map_size, record::most_map_size);
-  archive.number("map_half_tangent", scene.grid.half_tangent, record::least_map_half_tangent,
-                 record::most_map_half_tangent);
-  archive.number("map_z_max_m", scene.grid.far_m, record::least_map_far_m, record::most_map_far_m);
+  archive.count("map_size", scene.grid.size, record::min_map_size, record::max_map_size);
+  archive.number("map_half_tangent", scene.grid.half_tangent, record::min_map_half_tangent,
+                 record::max_map_half_tangent);
+  archive.number("map_z_max_m", scene.grid.far_m, record::min_map_far_m, record::max_map_far_m);
   archive.number("foreground_depth_m", scene.foreground_depth_m, 0, double{farthest_m});
   for (auto& [name, map] :
        {std::pair<const char*, std::vector<float>&>{"background_m", scene.background},

@@ -17,11 +17,11 @@ namespace {
 constexpr std::size_t cut_at_once = 4096;  // batch size in records; limits memory use
 constexpr float nearest_m = 0.1f;          // minimum range of a body, m
 // Minimum scale of an input, relative to the median of all scales.
-constexpr double least_deviation = 0.05;
+constexpr double min_deviation = 0.05;
 // Range and step of the mask threshold, in percent. The threshold with the best IoU on held-out
 // records is used. If the position is uncertain, a threshold below 50 % is best, because a wider
 // mask overlaps the body better.
-constexpr int least_threshold = 25, most_threshold = 60, threshold_step = 5;
+constexpr int min_threshold = 25, max_threshold = 60, threshold_step = 5;
 // Width of the two hidden layers of each network. If there are at least `many_records` records, the
 // networks are wider, and are trained for fewer epochs with larger batches.
 constexpr std::size_t many_records = 10'000, units = 48, units_of_many = 96;
@@ -88,7 +88,7 @@ void Factorised::learn_scale(const Matrix& features) {
   for (std::size_t c = 0; c < features.cols; ++c)
     model_.deviation[c] = static_cast<float>(std::sqrt(columns.variance[c]));
   std::vector<float> sorted = model_.deviation;
-  const float least = static_cast<float>(least_deviation) * quantile(sorted, 0.5);
+  const float least = static_cast<float>(min_deviation) * quantile(sorted, 0.5);
   for (float& deviation : model_.deviation) {
     deviation = std::max(deviation, least);
     if (deviation == 0) deviation = 1;
@@ -233,7 +233,7 @@ void Factorised::choose_threshold(const Bodies& seen, const Samples& samples) {
   const Shapes shapes = shape(seen.views, model_);
   std::vector<float> map(model_.background.size());
   double best = -1;
-  for (int percent = least_threshold; percent <= most_threshold; percent += threshold_step) {
+  for (int percent = min_threshold; percent <= max_threshold; percent += threshold_step) {
     double sum = 0;
     for (std::size_t i = 0; i < places.size(); ++i) {
       map = model_.background;

@@ -15,7 +15,7 @@ namespace {
 
 // Range and step of the mask threshold, in percent. The threshold with the best IoU on held-out
 // records is used.
-constexpr int least_threshold = 30, most_threshold = 60, threshold_step = 5;
+constexpr int min_threshold = 30, max_threshold = 60, threshold_step = 5;
 // Standard deviation of the noise added to the inputs in training, relative to the rms of the
 // inputs.
 constexpr float input_noise = 0.1f;
@@ -105,7 +105,7 @@ class MlpMask final : public Model {
     const Matrix outputs = regression_.predict(take_rows(samples.inputs, samples.rows));
     const std::size_t pixels = background_.size();
     double best = -1;
-    for (int percent = least_threshold; percent <= most_threshold; percent += threshold_step) {
+    for (int percent = min_threshold; percent <= max_threshold; percent += threshold_step) {
       const float share = static_cast<float>(percent) / 100, odds = std::log(share / (1 - share));
       double sum = 0;
       for (std::size_t i = 0; i < outputs.rows; ++i) {

@@ -7,7 +7,7 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr std::size_t most_maps = 3000;
+constexpr std::size_t max_maps = 3000;
 
 class Pca final : public Model {
  public:
@@ -16,7 +16,7 @@ class Pca final : public Model {
   TrainingLog fit(const Samples& train, const Samples& validation,
                   const FitOptions& options) override {
     Rows some;
-    const std::size_t stride = train.rows.size() / most_maps + 1;
+    const std::size_t stride = train.rows.size() / max_maps + 1;
     for (std::size_t i = 0; i < train.rows.size(); i += stride) some.push_back(train.rows[i]);
     components_ =
         principal_components(take_rows(train.maps, some), options.basis.value(), options.seed);

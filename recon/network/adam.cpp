@@ -14,18 +14,18 @@ namespace {
 constexpr float b1 = 0.9f, b2 = 0.999f, epsilon = 1e-8f;
 // Gradients and moments below these limits are set to 0. They are far below epsilon and do not
 // change any weight, but calculations with subnormal numbers are slow. NaN is kept.
-constexpr float least_gradient = 1e-16f, least_moment = 1e-30f;
+constexpr float min_gradient = 1e-16f, min_moment = 1e-30f;
 
 // Updates n parameters p by their gradients g and moments m and v, and clears g. This is a separate
 // function, because the compiler vectorises the loop only for plain arguments.
 inline __attribute__((always_inline)) void step_each(std::size_t n, float* p, float* m, float* v,
                                                      float* g, float keep, float rate) {
   for (std::size_t i = 0; i < n; ++i) {
-    const float slope = std::abs(g[i]) < least_gradient ? 0 : g[i];
+    const float slope = std::abs(g[i]) < min_gradient ? 0 : g[i];
     const float mean = b1 * m[i] + (1 - b1) * slope;
     const float square = b2 * v[i] + (1 - b2) * slope * slope;
-    m[i] = std::abs(mean) < least_moment ? 0 : mean;
-    v[i] = square < least_moment ? 0 : square;
+    m[i] = std::abs(mean) < min_moment ? 0 : mean;
+    v[i] = square < min_moment ? 0 : square;
     p[i] = keep * p[i] - rate * m[i] / (std::sqrt(v[i]) + epsilon);
     g[i] = 0;
   }

@@ -14,7 +14,7 @@ namespace echofuse::recon {
 namespace {
 
 constexpr std::uint64_t weight_stream = 1, draw_stream = 2;
-constexpr float least_spread = 0.05f;  // minimum spread of an input, relative to the median spread
+constexpr float min_spread = 0.05f;  // minimum spread of an input, relative to the median spread
 
 float share_of(float log_odds) { return 1 / (1 + std::exp(-log_odds)); }
 
@@ -31,7 +31,7 @@ void Classifier::learn_scale(const Matrix& usual, const Matrix& other) {
         static_cast<float>(std::sqrt((a.variance[c] + b.variance[c]) / 2 + apart * apart / 4)));
   }
   std::vector<float> sorted = spread_;
-  const float least = least_spread * quantile(sorted, 0.5);
+  const float least = min_spread * quantile(sorted, 0.5);
   for (float& v : spread_) {
     v = std::max(v, least);
     if (v == 0) v = 1;

@@ -157,12 +157,12 @@ void Regression::tune(const Examples& train, const Training& training, const std
 // (Theil, Indagationes Math. 12, 85, 1950). Medians are robust against the few bodies that are
 // placed on the wrong side.
 void Regression::correct(const Examples& train) {
-  constexpr double least_scale = 0.5, most_scale = 2;
+  constexpr double min_scale = 0.5, max_scale = 2;
   const Matrix found = predict(take_rows(train.inputs, train.rows));
   const double share = Tuning::shrinkage(found.rows);
   // Maximum number of paired records; more would hardly change a median.
-  constexpr std::size_t most_paired = 500;
-  const std::size_t step = found.rows / most_paired + 1;
+  constexpr std::size_t max_paired = 500;
+  const std::size_t step = found.rows / max_paired + 1;
   for (std::size_t c = 0; c < centre_.size() && found.rows > 2; ++c) {
     const auto answer = [&](std::size_t i) { return found.row(i)[c]; };
     const auto target = [&](std::size_t i) { return train.targets.row(train.rows[i])[c]; };
@@ -174,7 +174,7 @@ void Regression::correct(const Examples& train) {
           slopes.push_back((target(i) - target(j)) / (answer(i) - answer(j)));
     }
     if (slopes.empty()) continue;
-    const double slope = std::clamp(double{quantile(slopes, 0.5)}, least_scale, most_scale);
+    const double slope = std::clamp(double{quantile(slopes, 0.5)}, min_scale, max_scale);
     const double scale = 1 + share * (slope - 1);
     spread_[c] *= static_cast<float>(scale);
     centre_[c] += static_cast<float>((1 - scale) * double{quantile(answers, 0.5) - centre_[c]} +

@@ -17,7 +17,7 @@ namespace {
 constexpr std::size_t spare_directions = 10;
 constexpr int iterations = 6;
 // Number of rows centred at a time, to limit the memory use.
-constexpr std::size_t most_centred = 1024;
+constexpr std::size_t max_centred = 1024;
 
 using RowMajor = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
@@ -77,7 +77,7 @@ Components principal_components(Matrix table, std::size_t count, std::uint64_t s
 
 Matrix coordinates(const Components& components, const Matrix& table) {
   Matrix out(table.rows, components.basis.rows);
-  const std::size_t parts = (table.rows + most_centred - 1) / most_centred;
+  const std::size_t parts = (table.rows + max_centred - 1) / max_centred;
   for (std::size_t part = 0; part < parts; ++part) {
     const std::size_t first = part * table.rows / parts, end = (part + 1) * table.rows / parts;
     Matrix centred(end - first, table.cols);

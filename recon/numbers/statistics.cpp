@@ -84,8 +84,8 @@ Rows resampled_blocks(std::size_t of, std::size_t count, Rng& rng) {
   // Block length in records. Ten records take about half a minute, and a person may keep a pose
   // this long.
   constexpr std::size_t pose_records = 10;
-  constexpr std::size_t least_blocks = 5;
-  const std::size_t block = std::clamp<std::size_t>(of / least_blocks, 1, pose_records);
+  constexpr std::size_t min_blocks = 5;
+  const std::size_t block = std::clamp<std::size_t>(of / min_blocks, 1, pose_records);
   std::uniform_int_distribution<std::size_t> any(0, of - 1);
   Rows out;
   while (out.size() < count)

@@ -20,9 +20,9 @@ namespace {
 
 using nlohmann::json;
 
-constexpr std::size_t most_header = 1 << 20, most_rank = 4;
+constexpr std::size_t max_header = 1 << 20, max_rank = 4;
 constexpr const char* no_crc = "00000000";
-constexpr double most_size = 1e18;
+constexpr double max_size = 1e18;
 
 template <class T>
 constexpr const char* type_of();
@@ -100,7 +100,7 @@ TensorFile::TensorFile(std::string path, ByteView contents) : path_(std::move(pa
   if (contents.size() > sqlite.size() &&
       std::memcmp(contents.data(), sqlite.data(), sqlite.size()) == 0)
     refuse_file("is a run; expected a model file");
-  if (!in.ok() || length > most_header || length > in.left())
+  if (!in.ok() || length > max_header || length > in.left())
     refuse_file("not a model file, or truncated; expected a safetensors file");
   const ByteView raw = in.take(length);
   std::string header(raw.begin(), raw.end());
@@ -132,7 +132,7 @@ void TensorFile::parse(const std::string& header, ByteView values) try {
     const auto begin = offsets.at(0).get<std::size_t>(), end = offsets.at(1).get<std::size_t>();
     const std::size_t width = bytes_of(tensor.type), count = size_of(tensor.shape);
     if (width == 0) refuse(name, "type " + tensor.type + "; expected F32, F64, I64, U32 or U8");
-    if (tensor.shape.size() > most_rank)
+    if (tensor.shape.size() > max_rank)
       refuse(name,
              "has " + std::to_string(tensor.shape.size()) + " dimensions; expected at most 4");
     if (begin > end || end > values.size())
@@ -229,7 +229,7 @@ std::vector<T> TensorFile::read(const std::string& name, const TensorShape& shap
   std::vector<T> out = to_values<T>(tensor.values);
   if constexpr (std::is_floating_point_v<T>)
     if (!std::all_of(out.begin(), out.end(),
-                     [](T v) { return std::abs(v) <= static_cast<T>(most_size); }))
+                     [](T v) { return std::abs(v) <= static_cast<T>(max_size); }))
       refuse(name, "expected finite numbers up to 1e18");
   return out;
 }

@@ -14,10 +14,10 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr std::size_t least_records = 5;
+constexpr std::size_t min_records = 5;
 // People are assumed to be in the room if the variance of the counts divided by the Poisson
-// variance exceeds `most_scatter` + `most_scatter_a_count` x mean count.
-constexpr double most_scatter = 4, most_scatter_a_count = 0.002;
+// variance exceeds `max_scatter` + `max_scatter_a_count` x mean count.
+constexpr double max_scatter = 4, max_scatter_a_count = 0.002;
 
 // Replaces the background of the histogram with that of the empty room. Returns the correction to
 // add to the radar values of records from that room, as columns with one row. `empty` must be on
@@ -70,14 +70,14 @@ EmptyRoom empty_room_of(const Dataset& empty, const std::string& path) {
     why.empty() ? rows.push_back(row) : void(++reasons[why]);
   }
   const std::string left_out = left_out_text(reasons, empty.size());
-  if (rows.size() < least_records)
+  if (rows.size() < min_records)
     throw Error(ExitCode::failed, printable(path) + ": " + std::to_string(rows.size()) +
                                       " records have data of all sensors; expected at least 5" +
                                       (left_out.empty() ? "" : "; " + left_out));
   Matrix counts(0, empty.spd().axis.count);
   for (const std::size_t row : rows) counts.add_row(empty.counts(row));
   const std::vector<double> mean = column_means(counts, all_rows(rows.size()));
-  if (scatter(counts, mean) > most_scatter + most_scatter_a_count * mean_of(mean))
+  if (scatter(counts, mean) > max_scatter + max_scatter_a_count * mean_of(mean))
     throw Error(ExitCode::failed,
                 printable(path) +
                     ": the histograms vary by more than photon noise, so there "

@@ -17,10 +17,10 @@ double seconds_since(std::chrono::steady_clock::time_point started) {
 }
 
 void archive_axis(Archive archive, Axis& axis) {
-  constexpr std::int64_t most_bins = 1 << 20;
+  constexpr std::int64_t max_bins = 1 << 20;
   archive.text("quantity", axis.quantity, {});
   archive.text("unit", axis.unit, {});
-  archive.count("count", axis.count, 0, most_bins);
+  archive.count("count", axis.count, 0, max_bins);
   archive.number("start", axis.start, -1e9, 1e9);
   archive.number("step", axis.step, axis.count > 0 ? 1e-9 : -1e9, 1e9);
   archive.number("scale", axis.scale, -1e9, 1e9);
@@ -30,7 +30,7 @@ void archive_axis(Archive archive, Axis& axis) {
 // they are all known.
 void archive_zones(Archive archive, Zones& zones) {
   std::size_t count = zones.size() > 1 ? zones.size() : 0;
-  archive.count("zones", count, 0, static_cast<std::int64_t>(most_zones));
+  archive.count("zones", count, 0, static_cast<std::int64_t>(max_zones));
   zones.resize(std::max<std::size_t>(count, 1));
   const bool known = count > 0 && std::ranges::all_of(zones, &Zone::has_direction);
   if (!archive.part("knows_directions", known)) return;
@@ -59,7 +59,7 @@ void archive_features(Archive archive, Features& f, bool views) {
     const double lags = array.scale;
     archive.require(f.inputs == Inputs::fused && views && array.count > 0, "axes/array",
                     "expected only in a fused model with aligned inputs");
-    archive.require(lags >= 1 && lags <= double{2 * most_lags} && lags == std::floor(lags) &&
+    archive.require(lags >= 1 && lags <= double{2 * max_lags} && lags == std::floor(lags) &&
                         static_cast<double>(lags_up(array)) < lags,
                     "axes/array/scale",
                     "expected 1 to 32 lags, at least one with a horizontal component");

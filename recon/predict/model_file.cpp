@@ -17,7 +17,7 @@ namespace echofuse::recon {
 namespace {
 
 constexpr std::int64_t format_version = 18;
-constexpr std::size_t most_estimators = 3;
+constexpr std::size_t max_estimators = 3;
 
 void archive_training(Archive archive, TrainingRecords& training) {
   std::size_t runs = training.runs.size();
@@ -83,7 +83,7 @@ void archive(Archive archive, TrainedModel& model) {
   std::string by = version();
   archive.text("version", by, {});
   std::size_t estimators = model.estimators.size();
-  archive.count("estimators", estimators, 1, most_estimators);
+  archive.count("estimators", estimators, 1, max_estimators);
   model.estimators.resize(estimators);
   archive.count("data_crc32c", model.data_hash, 0, std::numeric_limits<std::uint32_t>::max());
   model.response.archive(archive.in("response"));

@@ -311,7 +311,7 @@ RunningCost measure_cost(const TrainedModel& model, const Dataset& data, const R
                          const std::string& model_path) {
   const Estimator& by = model.for_run(data);
   using SteadyClock = std::chrono::steady_clock;
-  constexpr std::size_t warm_up = 20, repeats = 400, most_at_once = 1000;
+  constexpr std::size_t warm_up = 20, repeats = 400, max_at_once = 1000;
   const auto us_of = [&](const Rows& some) {
     const auto started = SteadyClock::now();
     by.maps(data, some);
@@ -321,7 +321,7 @@ RunningCost measure_cost(const TrainedModel& model, const Dataset& data, const R
   for (std::size_t i = 0; i < warm_up + repeats; ++i)
     if (const double taken = us_of({rows[i % rows.size()]}); i >= warm_up) us.push_back(taken);
   std::sort(us.begin(), us.end());
-  const auto some = std::span(rows).first(std::min(rows.size(), most_at_once));
+  const auto some = std::span(rows).first(std::min(rows.size(), max_at_once));
   const Rows batch(some.begin(), some.end());
   return {by.cost(),
           us[repeats / 2],

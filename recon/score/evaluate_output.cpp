@@ -124,12 +124,12 @@ std::string to_text(const std::optional<UncertaintyCalibration>& c) {
 }
 
 std::string mirrored_truth(const Summaries& metrics) {
-  constexpr std::size_t least_maps = 10;
+  constexpr std::size_t min_maps = 10;
   // mirrored_truth() returns a warning if the fraction of bodies predicted on the correct side is
   // below this limit. A random choice of the side would yield 0.5.
-  constexpr double most_share = 0.1;
+  constexpr double max_share = 0.1;
   const Summary& right = metrics[metric_left_right];
-  if (right.maps < least_maps || !(right.mean < most_share)) return {};
+  if (right.maps < min_maps || !(right.mean < max_share)) return {};
   return format(
       "the predicted side is wrong for %.0f of %zu bodies: the camera image is mirrored in this "
       "run or was mirrored in training; flip the depth maps of this run left to right",

@@ -18,7 +18,7 @@ namespace echofuse::recon {
 namespace {
 
 MeanInterval interval_of(std::span<const double> values, Metric metric) {
-  constexpr std::size_t resamples = 2000, least_records = 5;
+  constexpr std::size_t resamples = 2000, min_records = 5;
   MeanInterval out{values.size()};
   if (values.empty()) return out;
   out.mean = mean_of(values);
@@ -30,7 +30,7 @@ MeanInterval interval_of(std::span<const double> values, Metric metric) {
       sum += values[i];
     means.push_back(static_cast<float>(sum / static_cast<double>(values.size())));
   }
-  if (values.size() >= least_records)
+  if (values.size() >= min_records)
     out.low = double{quantile(means, 0.025)}, out.high = double{quantile(means, 0.975)};
   return out;
 }

@@ -22,7 +22,7 @@ constexpr std::size_t enough_for_halves = 2000;
 // Log10 of the smallest fraction of photons that is kept.
 constexpr double fewest_photons_log10 = -2.5;
 // Range of the log10 of the added radar noise, relative to the peak of the profile.
-constexpr double least_noise_log10 = -2, most_noise_log10 = -0.3;
+constexpr double min_noise_log10 = -2, max_noise_log10 = -0.3;
 
 std::vector<double> lateral_errors(const Matrix& maps, const Matrix& truth,
                                    const SceneModel& scene) {
@@ -38,7 +38,7 @@ void learn_brought(LateralError& lateral, const Estimator& model, const Dataset&
                    const Rows& usual, const std::vector<HeldOut>& judged, Rng& rng) {
   // Maximum number of records per model. If 500 records are used, the fraction of errors within the
   // interval has a standard error of .013.
-  constexpr std::size_t most_records = 500;
+  constexpr std::size_t max_records = 500;
   const Inputs inputs = model.features.inputs;
   const WiderRadars wider(data, usual, inputs);
   for (std::size_t k = 0; k < wider.size(); ++k) {
@@ -46,7 +46,7 @@ void learn_brought(LateralError& lateral, const Estimator& model, const Dataset&
     std::vector<double> errors;
     for (const HeldOut& part : judged) {
       Rows some = part.rows;
-      some.resize(std::min(some.size(), most_records));
+      some.resize(std::min(some.size(), max_records));
       const Dataset records = wider.imitated(k, data, some, rng);
       const Rows all = all_rows(some.size());
       const Matrix made = part.model.maps(records, all);
@@ -62,7 +62,7 @@ void learn_brought(LateralError& lateral, const Estimator& model, const Dataset&
 
 void degrade(Dataset& data, Rng& rng) {
   std::uniform_real_distribution<double> photons(fewest_photons_log10, 0);
-  std::uniform_real_distribution<double> noise(least_noise_log10, most_noise_log10);
+  std::uniform_real_distribution<double> noise(min_noise_log10, max_noise_log10);
   std::normal_distribution<float> normal;
   for (std::size_t i = 0; i < data.size(); ++i) {
     const double share = std::pow(10, photons(rng));
@@ -91,7 +91,7 @@ void degrade(Dataset& data, Rng& rng) {
 }
 
 bool has_enough_records(const Split& split) {
-  return split.train.size() + split.validation.size() >= least_cross_fitted;
+  return split.train.size() + split.validation.size() >= min_cross_fitted;
 }
 
 UncertaintyModel fit_uncertainty(const Estimator& model, const Dataset& data, const Matrix& views,

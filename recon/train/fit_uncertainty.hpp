@@ -13,7 +13,7 @@
 namespace echofuse::recon {
 
 // Minimum number of training records needed to estimate the errors.
-inline constexpr std::size_t least_cross_fitted = 50;
+inline constexpr std::size_t min_cross_fitted = 50;
 // Returns true if there are enough records to learn an UncertaintyModel.
 bool has_enough_records(const Split& split);
 // Held-out records, and a model that was not trained on them.

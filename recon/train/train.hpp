@@ -46,7 +46,7 @@ struct TrainingRows {
 };
 // Returns the records to train with. Throws Error(failed) if a required sensor is missing from all
 // records, or if all records are excluded. Also throws if the fraction of dead or damaged records
-// exceeds `most_damaged`.
+// exceeds `max_damaged`.
 TrainingRows rows_to_train(const Dataset& data, Inputs inputs);
 
 // Applies options.doubtful and options.lossy to the data.

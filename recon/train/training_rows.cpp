@@ -71,7 +71,7 @@ TrainingRows rows_to_train(const Dataset& data, Inputs inputs) {
   }
   const std::size_t all = data.size() + data.damaged.size();
   const std::size_t none = reasons[dead_record] + data.damaged.size();
-  if (static_cast<double>(none) > most_damaged * static_cast<double>(all))
+  if (static_cast<double>(none) > max_damaged * static_cast<double>(all))
     throw Error(
         ExitCode::failed,
         first_fault + format("; the sensor is dead, or the room is empty and dark; %zu of %zu "
@@ -116,11 +116,11 @@ double distance(std::span<const float> a, std::span<const float> b) {
 }
 
 bool shows_body(std::span<const float> map, const SceneModel& scene) {
-  constexpr double least_share = 0.005;
+  constexpr double min_share = 0.005;
   double pixels = 0;
   for (std::size_t p = 0; p < map.size(); ++p)
     pixels += true_foreground(map[p], scene.background[p]);
-  return pixels >= least_share * static_cast<double>(map.size());
+  return pixels >= min_share * static_cast<double>(map.size());
 }
 
 // Returns the largest ratio of successive values in the smaller half of the sorted distances to
@@ -140,7 +140,7 @@ std::string alike_neighbours(const Dataset& data, const Rows& rows) {
   constexpr std::size_t sample = 200, others = 50;
   // Maximum fraction of records that most resemble a neighbour. For independent scenes, the
   // expected fraction is 2/52, because 2 of 52 records are neighbours.
-  constexpr double most_share = 0.3;
+  constexpr double max_share = 0.3;
   if (rows.size() < others) return {};
   const Matrix maps = sampled(data, rows);
   const auto apart = [&](std::size_t i, std::size_t k) {
@@ -156,7 +156,7 @@ std::string alike_neighbours(const Dataset& data, const Rows& rows) {
           near < apart(i, (i + rows.size() / 8 + k * rows.size() * 3 / 4 / others) % rows.size());
     alike += nearest;
   }
-  if (static_cast<double>(alike) <= most_share * static_cast<double>(judged)) return {};
+  if (static_cast<double>(alike) <= max_share * static_cast<double>(judged)) return {};
   return format(
       "consecutive records are alike: for %zu of %zu records, the depth map of an adjacent record "
       "is more similar than those of %zu distant records; a random split gives optimistic scores; "
@@ -166,7 +166,7 @@ std::string alike_neighbours(const Dataset& data, const Rows& rows) {
 
 std::string recurring_scenes(const Dataset& data, const Split& split, const SceneModel& scene) {
   constexpr std::size_t sample = 100, least = 5;
-  constexpr double least_gap = 3, most_share = 0.5;
+  constexpr double min_gap = 3, max_share = 0.5;
   Rows judged;
   const std::size_t step = split.test.size() / sample + 1;
   for (std::size_t i = 0; i < split.test.size(); i += step)
@@ -180,8 +180,8 @@ std::string recurring_scenes(const Dataset& data, const Split& split, const Scen
       distances[k] = distance(maps.row(i), training.row(k));
     gaps[i] = greatest_gap(std::move(distances));
   });
-  const auto recur = std::ranges::count_if(gaps, [](double gap) { return gap > least_gap; });
-  if (static_cast<double>(recur) <= most_share * static_cast<double>(judged.size())) return {};
+  const auto recur = std::ranges::count_if(gaps, [](double gap) { return gap > min_gap; });
+  if (static_cast<double>(recur) <= max_share * static_cast<double>(judged.size())) return {};
   return format(
       "scenes recur: %td of %zu held-out depth maps are much closer to a training map than maps of "
       "independent scenes are; the scores are optimistic; evaluate on a run of other scenes",

@@ -19,7 +19,7 @@ namespace echofuse::recon {
 namespace {
 
 constexpr std::array penalties{100., 10., 1.};
-constexpr double usual_penalty = 30, least_penalty_of_few = 10;
+constexpr double usual_penalty = 30, min_penalty_of_few = 10;
 // Minimum fraction of background pixels that must change before the background is replaced. People
 // cover fewer pixels of the median map, even if they stay in one place for half of the records.
 constexpr double changed_share = 0.2;
@@ -131,7 +131,7 @@ void try_all(Choice& choice, const Start& start, const Split& split, const TuneO
         [&, tuning, room](const Rows& rows) { return adapt(from, data, rows, room, tuning); });
   const bool many = split.train.size() >= TuneOptions::least_alone;
   for (const double l2_penalty : penalties) {
-    if (!many && aligned && l2_penalty < least_penalty_of_few) continue;
+    if (!many && aligned && l2_penalty < min_penalty_of_few) continue;
     tuning.l2_penalty = l2_penalty;
     add(format("fine-tuned, L2 penalty %g over N", l2_penalty),
         [&, tuning, room](const Rows& rows) { return adapt(from, data, rows, room, tuning); });
@@ -166,8 +166,8 @@ void finish(Estimator& model, const Dataset& data, const Split& split,
   const Rows all = all_rows(data.size());
   const Inputs inputs = model.features.inputs;
   const bool has_spd = inputs != Inputs::radar;
-  const bool uncertainty = split.train.size() >= least_cross_fitted;
-  const bool domain = split.train.size() >= DomainReference::least_records;
+  const bool uncertainty = split.train.size() >= min_cross_fitted;
+  const bool domain = split.train.size() >= DomainReference::min_records;
   if (!wants_alignment(model.name)) {
     model.alignment = {};
     if (has_spd && domain)
@@ -256,7 +256,7 @@ TunedModel tune(const std::vector<Start>& starts, const TuneOptions& options) {
   const auto started = std::chrono::steady_clock::now();
   const TrainingRows usable = rows_of(starts);
   const Rows& rows = usable.rows;
-  if (rows.size() < TuneOptions::least_records)
+  if (rows.size() < TuneOptions::min_records)
     throw Error(ExitCode::failed,
                 std::to_string(rows.size()) + " usable records; tuning needs at least 10");
   const Split split = make_split(rows, options.split);
@@ -295,7 +295,7 @@ TunedModel tune(const std::vector<Start>& starts, const TuneOptions& options) {
   model.data_hash = data.hash;
   model.response = by_alone ? ModelResponse(data) : from.response;
   model.exclusions = data.exclusions;
-  const bool stayed = split.train.size() < least_cross_fitted && choice.is(unchanged);
+  const bool stayed = split.train.size() < min_cross_fitted && choice.is(unchanged);
   if (stayed)
     keep_statements(model.first(), from.first());
   else

@@ -13,7 +13,7 @@
 namespace echofuse::recon {
 
 struct TuneOptions {
-  static constexpr std::size_t least_records = 10;
+  static constexpr std::size_t min_records = 10;
   // Minimum number of new records that are required to try a model trained only on them.
   static constexpr std::size_t least_alone = 50;
   SplitOptions split;     // has no validation records, because tuning does not use them
@@ -47,7 +47,7 @@ void match_for_tuning(const TrainedModel& from, const std::string& path, Dataset
 
 // Tunes each start model and returns the best result. All entries of `starts` must contain the same
 // records. If there are few records, the old model is kept unless a candidate is clearly better.
-// Throws Error(failed) if there are fewer than `least_records` records, or if this kind of model
+// Throws Error(failed) if there are fewer than `min_records` records, or if this kind of model
 // cannot be tuned.
 TunedModel tune(const std::vector<Start>& starts, const TuneOptions& options);
 

@@ -17,18 +17,18 @@ namespace {
 using Eigen::ArrayXd, Eigen::MatrixXd, Eigen::VectorXd, Eigen::Index;
 
 constexpr Index count = record_number_count;
-constexpr std::size_t most_known = 4000;
+constexpr std::size_t max_known = 4000;
 // Number of successive records in one block of the permutation test.
 constexpr std::size_t block = 10;
 constexpr int permutations = 4000;
 constexpr std::uint64_t permutation_stream = 0x646f6d61;  // "doma" in ASCII
 // Minimum significance of a difference, in standard errors.
 constexpr double clearly = 4;
-// Differences below these limits are ignored. `least_mean` is in units of the standard deviation
+// Differences below these limits are ignored. `min_mean` is in units of the standard deviation
 // between records, and `least_square` is in units of the variance between records.
-constexpr double least_mean = 0.1, least_square = 0.3;
+constexpr double min_mean = 0.1, least_square = 0.3;
 // Squared deviations are clipped to this value, so that a single outlier has little weight.
-constexpr double most_square = 16;
+constexpr double max_square = 16;
 
 // Converts the descriptive numbers of m records to deviations from the training means, in standard
 // deviations, followed by the squares of these deviations: [m x 2 record_number_count]. Both are
@@ -55,7 +55,7 @@ class Standard {
         const double v = (double{numbers.row(i)[c]} - centre_[c]) / deviation_[c];
         if (std::isnan(v) || !known_[c]) continue;
         out(Index(i), Index(c)) = v;
-        out(Index(i), count + Index(c)) = std::min(v * v, most_square);
+        out(Index(i), count + Index(c)) = std::min(v * v, max_square);
       }
     return out;
   }
@@ -98,8 +98,8 @@ MatrixXd permuted(const MatrixXd& blocks, Index drawn) {
 // standard deviation over the permutations. Compares the largest difference with the largest
 // difference of each permutation, which corrects for multiple tests (Westfall and Young,
 // Resampling-Based Multiple Testing, 1993).
-double p_of(const VectorXd& difference, const MatrixXd& chance, double least_error) {
-  const ArrayXd error = chance.array().square().colwise().mean().sqrt().max(least_error);
+double p_of(const VectorXd& difference, const MatrixXd& chance, double min_error) {
+  const ArrayXd error = chance.array().square().colwise().mean().sqrt().max(min_error);
   const auto greatest = [&](const VectorXd& v) { return (v.array() / error).abs().maxCoeff(); };
   const double found = greatest(difference);
   std::vector<double> by_chance;
@@ -111,14 +111,14 @@ double p_of(const VectorXd& difference, const MatrixXd& chance, double least_err
 
 // Returns the standard errors of the difference between two means, estimated from the variance
 // between blocks.
-ArrayXd standard_errors(const MatrixXd& a, const MatrixXd& b, double least_error) {
+ArrayXd standard_errors(const MatrixXd& a, const MatrixXd& b, double min_error) {
   const auto about_mean = [](const MatrixXd& m) -> ArrayXd {
     return (m.rowwise() - m.colwise().mean()).array().square().colwise().sum().transpose();
   };
   const auto n = static_cast<double>(a.rows()), m = static_cast<double>(b.rows());
   return ((about_mean(a) + about_mean(b)) / std::max(n + m - 2, 1.) * (1 / n + 1 / m))
       .sqrt()
-      .max(least_error);
+      .max(min_error);
 }
 
 std::string describe(const RecordNumber& number, double difference, double error) {
@@ -142,16 +142,16 @@ std::string range_advice(double difference_m, double error_m) {
 }  // namespace
 
 bool DomainShift::mostly_flagged() const {
-  return judged >= DomainReference::least_records && 2 * flagged > judged;
+  return judged >= DomainReference::min_records && 2 * flagged > judged;
 }
 
 std::string DomainShift::text() const {
   if (!tested()) return {};
-  const std::string p_text = p < most_p ? format("p < %g", most_p) : format("p = %.3f", p);
+  const std::string p_text = p < max_p ? format("p < %g", max_p) : format("p = %.3f", p);
   if (!found())
     return std::string("this run matches the training data") +
-           (p < most_p ? " (significant differences are too small to matter): " : ": ") + p_text;
-  if (p >= most_p || differences.empty())
+           (p < max_p ? " (significant differences are too small to matter): " : ": ") + p_text;
+  if (p >= max_p || differences.empty())
     return format(
         "this run differs from the training data: %zu of %zu records are unusual (most: %s)",
         flagged, judged, reason.c_str());
@@ -165,9 +165,9 @@ DomainReference::DomainReference(const Alignment& alignment, const Dataset& data
                                  const Matrix& views, const Rows& rows, Inputs inputs)
     : inputs_(without_antennas(inputs)) {
   const Rows first(rows.begin(),
-                   rows.begin() + static_cast<std::ptrdiff_t>(std::min(most_known, rows.size())));
+                   rows.begin() + static_cast<std::ptrdiff_t>(std::min(max_known, rows.size())));
   numbers_ = record_numbers_of(alignment, data, views, first, inputs_);
-  if (numbers_.rows < least_known) numbers_ = {};
+  if (numbers_.rows < min_known) numbers_ = {};
 }
 
 DomainShift DomainReference::test(const Alignment& alignment, const Dataset& data,
@@ -176,7 +176,7 @@ DomainShift DomainReference::test(const Alignment& alignment, const Dataset& dat
   for (std::size_t row = 0; row < data.size(); ++row)
     if (data.fault_of(row, inputs_).empty()) rows.push_back(row);
   const Matrix found = record_numbers_of(alignment, data, views, rows, inputs_);
-  if (found.rows < least_records || !known()) return {};
+  if (found.rows < min_records || !known()) return {};
   const Standard standard(numbers_), own(found);
   MatrixXd before = block_means(standard(numbers_)), now = block_means(standard(found));
   DomainShift out{found.rows, 1, {}, {}};
@@ -186,13 +186,13 @@ DomainShift DomainReference::test(const Alignment& alignment, const Dataset& dat
     for (const Index c : {Index(k), count + Index(k)})
       before.col(c).setZero(), now.col(c).setZero();
   }
-  const double least_error = 0.7 * std::sqrt(1. / static_cast<double>(found.rows) +
-                                             1. / static_cast<double>(numbers_.rows));
+  const double min_error = 0.7 * std::sqrt(1. / static_cast<double>(found.rows) +
+                                           1. / static_cast<double>(numbers_.rows));
   const VectorXd difference = now.colwise().mean() - before.colwise().mean();
   MatrixXd both(before.rows() + now.rows(), before.cols());
   both << before, now;
-  out.p = p_of(difference, permuted(both, now.rows()), least_error);
-  const ArrayXd error = standard_errors(before, now, least_error);
+  out.p = p_of(difference, permuted(both, now.rows()), min_error);
+  const ArrayXd error = standard_errors(before, now, min_error);
   for (std::size_t k = 0; k < record_number_count; ++k) {
     const RecordNumber& number = record_numbers[k];
     const Index mean = Index(k), square = count + Index(k);
@@ -200,7 +200,7 @@ DomainShift DomainReference::test(const Alignment& alignment, const Dataset& dat
     const double squares = std::abs(difference[square]) / error[square];
     const double off = difference[mean] * standard.deviation(k);
     const double off_error = error[mean] * standard.deviation(k);
-    if (clear > clearly && std::abs(difference[mean]) > least_mean) {
+    if (clear > clearly && std::abs(difference[mean]) > min_mean) {
       out.differences.push_back({describe(number, off, off_error), clear});
       if (k == radar_range_number && alignment.array_features() == 0)
         out.advice = range_advice(off, off_error);
@@ -223,7 +223,7 @@ void DomainReference::archive(Archive archive, Inputs inputs) {
   archive.table("numbers", table, Archive::any, record_number_count);
   for (float& v : table.values) v = v == not_known ? NAN : v;
   numbers_ = std::move(table);
-  archive.require(numbers_.rows >= least_known && numbers_.rows <= most_known, "numbers",
+  archive.require(numbers_.rows >= min_known && numbers_.rows <= max_known, "numbers",
                   "expected 50 to 4000 records");
 }
 

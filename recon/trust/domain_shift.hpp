@@ -22,7 +22,7 @@ namespace echofuse::recon {
 
 struct DomainShift {
   // The run counts as different from the training data if p is below this limit.
-  static constexpr double most_p = 1e-3;
+  static constexpr double max_p = 1e-3;
   struct Difference {
     std::string text;            // e.g. "histogram spread 1.20 +- 0.01 times that in training"
     double standard_errors = 0;  // difference divided by its standard error
@@ -41,7 +41,7 @@ struct DomainShift {
   bool tested() const { return records > 0 || mostly_flagged(); }
   // Returns true if the run differs from the training data. A significant difference must also
   // exceed a tenth of the standard deviation between records.
-  bool found() const { return mostly_flagged() || (p < most_p && !differences.empty()); }
+  bool found() const { return mostly_flagged() || (p < max_p && !differences.empty()); }
   // Returns true if most records are flagged. About one in 140 records that resemble the training
   // data is flagged.
   bool mostly_flagged() const;
@@ -52,8 +52,8 @@ struct DomainShift {
 class DomainReference {
  public:
   // Minimum number of records in a run to be tested.
-  static constexpr std::size_t least_records = 20;
-  static constexpr std::size_t least_known = 50;  // minimum number of training records
+  static constexpr std::size_t min_records = 20;
+  static constexpr std::size_t min_known = 50;  // minimum number of training records
 
   DomainReference() = default;
   // The rows must be in record order; at most the first 4000 are used. Row i of `views` belongs to

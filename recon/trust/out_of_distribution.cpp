@@ -19,7 +19,7 @@ namespace echofuse::recon {
 namespace {
 
 constexpr std::uint64_t held_stream = 0x68656c64;  // "held" in ASCII
-constexpr std::size_t most_components = 36, rows_a_component = 60;
+constexpr std::size_t max_components = 36, rows_a_component = 60;
 // Number of folds if there are fewer than `many_records` records, and if there are more. If there
 // are at least `few_records` records, only one fold is used to set the limits.
 constexpr std::size_t folds_of_few = 4, folds_of_many = 10;
@@ -57,7 +57,7 @@ Rows usual_rows(Rows part, const Rows& with_body) {
   std::sort(part.begin(), part.end());
   Rows out;
   std::ranges::set_intersection(part, with_body, std::back_inserter(out));
-  return out.size() < OutOfDistributionDetector::least_records / 2 ? part : out;
+  return out.size() < OutOfDistributionDetector::min_records / 2 ? part : out;
 }
 
 }  // namespace
@@ -114,7 +114,7 @@ OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
   Matrix all(0, first_[groups]);
   for (std::size_t i = 0; i < rows.size(); ++i) {
     all.add_row(describe(views.row(rows[i]), data, rows[i]));
-    most_clicks_per_start_ = std::max(most_clicks_per_start_, data.clicks_per_pulse[rows[i]]);
+    max_clicks_per_start_ = std::max(max_clicks_per_start_, data.clicks_per_pulse[rows[i]]);
   }
   const Rows with_body = learn_ranges(all);
   share_with_body_ = static_cast<double>(with_body.size()) / static_cast<double>(rows.size());
@@ -182,7 +182,7 @@ void OutOfDistributionDetector::learn_components(const Matrix& descriptions, std
   for (std::size_t i = 0; i < scaled.values.size(); ++i)
     scaled.values[i] *= scale_[i % scaled.cols];
   const std::size_t count =
-      std::clamp<std::size_t>(scaled.rows / rows_a_component, 2, most_components);
+      std::clamp<std::size_t>(scaled.rows / rows_a_component, 2, max_components);
   components_ = principal_components(std::move(scaled), count, seed);
   for (float& d : components_.deviation) d = std::max(d, 1e-6f);
 }
@@ -272,8 +272,8 @@ std::vector<OutOfDistributionScore> OutOfDistributionDetector::score(const Matri
     const double clicks = data.clicks_per_pulse[rows[i]];
     if (has_spd && !has_range && share_with_body_ > nearly_all_records)
       s.reason = "empty";
-    else if (has_spd && clicks > record::most_clicks_per_pulse &&
-             clicks > clicks_reserve * most_clicks_per_start_)
+    else if (has_spd && clicks > record::max_clicks_per_pulse &&
+             clicks > clicks_reserve * max_clicks_per_start_)
       s.reason = "saturated", s.details = format("%.2f clicks per laser pulse", clicks);
     else if (has_range && (range_m < nearest_m_ || range_m > farthest_m_))
       s.reason = "outside the training records' distances", s.details = format("%.2f m", range_m);
@@ -322,7 +322,7 @@ void OutOfDistributionDetector::archive(Archive archive, const Features& of_mode
   }
   archive.number("nearest_m", nearest_m_, -1e18, 1e18);
   archive.number("farthest_m", farthest_m_, -1e18, 1e18);
-  archive.number("most_clicks_per_start", most_clicks_per_start_, 0, 1e18);
+  archive.number("most_clicks_per_start", max_clicks_per_start_, 0, 1e18);
   archive.number("share_with_body", share_with_body_, 0, 1);
 }
 

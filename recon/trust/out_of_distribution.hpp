@@ -54,10 +54,10 @@ struct OutOfDistributionScore {
 
 class OutOfDistributionDetector {
  public:
-  static constexpr std::size_t least_records = 50;
+  static constexpr std::size_t min_records = 50;
 
   OutOfDistributionDetector() = default;
-  // Fits the detector to these rows; at least `least_records` rows are needed. Row i of `views`
+  // Fits the detector to these rows; at least `min_records` rows are needed. Row i of `views`
   // belongs to record i of `data`; `views` is empty if the SPD is missing. `scene` is used to find
   // the bodies in the depth maps.
   OutOfDistributionDetector(const Alignment& alignment, const Dataset& data, const Matrix& views,
@@ -116,7 +116,7 @@ class OutOfDistributionDetector {
   Limits limits_;
   // Limits for converted records, in order of increasing response width.
   std::vector<LimitsAtWidth> brought_;
-  double nearest_m_ = 0, farthest_m_ = 0, most_clicks_per_start_ = 0, share_with_body_ = 0;
+  double nearest_m_ = 0, farthest_m_ = 0, max_clicks_per_start_ = 0, share_with_body_ = 0;
 };
 
 }  // namespace echofuse::recon

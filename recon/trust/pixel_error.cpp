@@ -37,12 +37,12 @@ SoftMaps probabilities_of(const Matrix& maps, const SceneModel& scene) {
 // Blurs each map of foreground probabilities horizontally. The standard deviation of map i is
 // deviation_m[i], converted to pixels at the depth of the central pixel.
 void blur(SoftMaps& maps, const record::MapGrid& grid, const std::vector<double>& deviation_m) {
-  constexpr double least_pixels = 0.2;
+  constexpr double min_pixels = 0.2;
   const auto side = static_cast<int>(grid.size);
   for (std::size_t i = 0; i < maps.foreground_probability.rows; ++i) {
     const double depth_m = std::max(double{maps.depth.row(i)[maps.depth.cols / 2]}, 0.1);
     const double pixels = std::min(deviation_m[i] / depth_m / grid.step(), double(side));
-    if (!(pixels > least_pixels)) continue;
+    if (!(pixels > min_pixels)) continue;
     cv::Mat1f share(side, side, maps.foreground_probability.row(i).data());
     const int reach = static_cast<int>(std::ceil(3 * pixels));
     cv::GaussianBlur(share, share, {2 * reach + 1, 1}, pixels, 1, cv::BORDER_CONSTANT);
@@ -108,7 +108,7 @@ void PixelError::archive(Archive archive) {
       std::all_of(curve.begin(), curve.end(), [](double s) { return s >= 0 && s <= 1; }), "curve",
       "expected values from 0 to 1");
   std::copy(curve.begin(), curve.end(), curve_.begin());
-  archive.number("depth_deviation_m", depth_deviation_m_, 0, record::most_map_far_m);
+  archive.number("depth_deviation_m", depth_deviation_m_, 0, record::max_map_far_m);
 }
 
 }  // namespace echofuse::recon

@@ -13,15 +13,15 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr double least_apart_m = 0.4;  // minimum lateral distance of two bodies, m
+constexpr double min_apart_m = 0.4;  // minimum lateral distance of two bodies, m
 // Maximum number of attempts to sample two bodies that are far enough apart.
-constexpr int most_tries = 20;
+constexpr int max_tries = 20;
 // "pair" and "turn" in ASCII
 constexpr std::uint64_t pair_stream = 0x70616972, rotation_stream = 0x7475726e;
-constexpr std::size_t most_pairs = 96'000, pairs_a_record = 32;
-constexpr std::size_t most_rotated = 48'000, rotated_per_record = 16;
+constexpr std::size_t max_pairs = 96'000, pairs_a_record = 32;
+constexpr std::size_t max_rotated = 48'000, rotated_per_record = 16;
 const std::vector<std::size_t> hidden = {128, 64};
-constexpr std::size_t batch = 256, draws_a_record = 350, most_draws = 2'000'000;
+constexpr std::size_t batch = 256, draws_a_record = 350, max_draws = 2'000'000;
 constexpr double learning_rate = 4e-3;
 
 // Records with a body at a known position, one record per row.
@@ -101,17 +101,17 @@ Classifier learn_two_bodies(const Alignment& alignment, const Features& sensors,
   };
 
   Rng pair_rng = make_rng(seed, pair_stream), rotation_rng = make_rng(seed, rotation_stream);
-  std::vector<BodySum> pairs(std::min(most_pairs, pairs_a_record * views.rows)), singles;
+  std::vector<BodySum> pairs(std::min(max_pairs, pairs_a_record * views.rows)), singles;
   for (auto& pair : pairs) {
     int tries = 0;
     do {
       const std::size_t a = any(pair_rng), b = any(pair_rng);
       const std::size_t as_a = rotated ? any(pair_rng) : a, as_b = rotated ? any(pair_rng) : b;
       pair = {{a, as_a}, {b, as_b}};
-    } while (std::abs(side_m(known, pair[0]) - side_m(known, pair[1])) < least_apart_m &&
-             ++tries < most_tries);
+    } while (std::abs(side_m(known, pair[0]) - side_m(known, pair[1])) < min_apart_m &&
+             ++tries < max_tries);
   }
-  if (rotated) singles.resize(std::min(most_rotated, rotated_per_record * views.rows));
+  if (rotated) singles.resize(std::min(max_rotated, rotated_per_record * views.rows));
   for (auto& single : singles) {
     const std::size_t k = any(rotation_rng);
     single = {{k, any(rotation_rng)}};
@@ -119,7 +119,7 @@ Classifier learn_two_bodies(const Alignment& alignment, const Features& sensors,
   Matrix ones = views;
   append_rows(ones, views_of(singles));
   out.fit(ones, views_of(pairs),
-          {hidden, std::min(most_draws, draws_a_record * views.rows) / batch + 1, batch,
+          {hidden, std::min(max_draws, draws_a_record * views.rows) / batch + 1, batch,
            learning_rate, seed});
   return out;
 }

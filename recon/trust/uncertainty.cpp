@@ -95,7 +95,7 @@ void LateralError::fit(const Matrix& predictors, const std::vector<double>& erro
     known.push_back(i);
     known_plain += i < plain;
   }
-  if (known_plain < least_records) return;
+  if (known_plain < min_records) return;
   least_ = most_ = std::vector<float>(predictors.row(known.front()).begin(),
                                       predictors.row(known.front()).end());
   for (const std::size_t i : known)
@@ -130,7 +130,7 @@ void LateralError::add_brought(double times_wider, const Matrix& predictors,
   for (std::size_t i = 0; i < predictors.rows && !weights_.empty(); ++i)
     if (!std::isnan(error_m[i]))
       ratios.push_back(error_m[i] / std::exp(product(terms_of(predictors.row(i)), weights_)));
-  if (ratios.size() < least_records) return;
+  if (ratios.size() < min_records) return;
   brought_times_wider_.push_back(times_wider);
   brought_factor_.push_back(factor_of(std::move(ratios)));
 }

@@ -49,8 +49,8 @@ class LateralError {
   // Learns from the errors of maps; row i of `predictors` belongs to error_m[i], and an error of
   // NaN is skipped. The first `plain` rows are unmodified records; only these determine the factor
   // that widens the interval. The other rows are degraded copies of the first rows, in the same
-  // order. Learns nothing if the errors of fewer than `least_records` unmodified records are known.
-  static constexpr std::size_t least_records = 30;
+  // order. Learns nothing if the errors of fewer than `min_records` unmodified records are known.
+  static constexpr std::size_t min_records = 30;
   void fit(const Matrix& predictors, const std::vector<double>& error_m, std::size_t plain);
   // Learns the factor for a radar response that is `times_wider` times as wide as that of the
   // training data, from imitated validation records. Must be called in order of increasing width.

@@ -13,7 +13,7 @@
 namespace echofuse::sim {
 namespace {
 
-constexpr double most_tags_per_s = 5e6;
+constexpr double max_tags_per_s = 5e6;
 // A detection is stored as pulse << 32 | delay in ps, so the laser period must be less than 2^32
 // ps.
 constexpr double longest_period_ps = 4e9;
@@ -33,7 +33,7 @@ void check(const Conditions& c, const Tagging& t, double window_s) {
                 "laser rate " + std::to_string(t.laser_rate_hz) + " Hz: expected at least 250 Hz");
   const double photons = (c.signal_photons + c.background_counts) / window_s;
   const double tags = t.conditional_filter ? 2 * photons : photons + t.laser_rate_hz;
-  if (tags > most_tags_per_s)
+  if (tags > max_tags_per_s)
     throw Error(
         ExitCode::config,
         std::to_string(tags / 1e6) +

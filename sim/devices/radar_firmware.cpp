@@ -11,7 +11,7 @@
 namespace echofuse::sim {
 namespace {
 
-constexpr std::size_t longest_read = 255, most_words = 40;
+constexpr std::size_t longest_read = 255, max_words = 40;
 constexpr unsigned last_chirp = 511;
 constexpr char banner_line[] = "******************************************\n";
 constexpr char prompt_text[] = "mmwDemo:/>";
@@ -118,7 +118,7 @@ void set_ramp(const std::vector<std::string>& profile, const std::vector<std::st
 std::vector<std::string> split(const std::string& line) {
   std::vector<std::string> words;
   std::istringstream in(line.substr(0, line.find_last_not_of('\n') + 1));
-  for (std::string word; words.size() < most_words && std::getline(in, word, ' ');)
+  for (std::string word; words.size() < max_words && std::getline(in, word, ' ');)
     if (!word.empty()) words.push_back(word);
   return words;
 }
@@ -459,12 +459,12 @@ std::optional<Chirp> RadarFirmware::chirp(const FramePart& frame,
   if (!all_defined || !ramps_possible() || !chirp.possible()) return {};
   // The parser of the demo has space for 32 chirps. The data path reserves memory for the radar
   // cube and the detection matrix.
-  constexpr unsigned most_chirps = 32, memory = 0xC0000;
+  constexpr unsigned max_chirps = 32, memory = 0xC0000;
   const unsigned doppler_chirps =
       chirp.chirps_per_frame / static_cast<unsigned>(chirp.transmitters.size());
   const std::size_t cube = 4ul * chirp.antennas * doppler_chirps,
                     matrix = 2ul * std::bit_ceil(doppler_chirps);
-  if (chirps > most_chirps || chirp.axis({}).count * (cube + matrix) > memory) return {};
+  if (chirps > max_chirps || chirp.axis({}).count * (cube + matrix) > memory) return {};
   return chirp;
 }
 

@@ -200,11 +200,11 @@ void bind_array(Settings& s, Conditions& c) {
 }
 
 void bind_depth(Settings& s, Conditions& c) {
-  s.add("map_size", c.map_size, record::least_map_size, record::most_map_size,
+  s.add("map_size", c.map_size, record::min_map_size, record::max_map_size,
         "number of pixels per side of the depth maps");
-  s.add("map_half_tangent", c.map_half_tangent, 0, record::most_map_half_tangent,
+  s.add("map_half_tangent", c.map_half_tangent, 0, record::max_map_half_tangent,
         "x/z and y/z at the edges of the depth maps; 0: the value of half_tangent");
-  s.add("map_z_max_m", c.map_z_max_m, record::least_map_far_m, record::most_map_far_m,
+  s.add("map_z_max_m", c.map_z_max_m, record::min_map_far_m, record::max_map_far_m,
         "largest depth in the depth maps, m; points that are farther away are stored as \"no "
         "return\"");
   s.add(
@@ -273,7 +273,7 @@ void validate(const Conditions& c) {
                 "light from walls has no direction");
   if (c.spd_dead_time_ps > 0 && c.pulses_per_window == 0)
     throw Error(ExitCode::config, "spd_dead_time_ps needs pulses_per_window > 0");
-  if (c.map_half_tangent > 0 && c.map_half_tangent < record::least_map_half_tangent)
+  if (c.map_half_tangent > 0 && c.map_half_tangent < record::min_map_half_tangent)
     throw Error(ExitCode::config, "map_half_tangent: expected 0, or 0.02 to 3");
   if (c.radar_antennas > 8 && c.radar_antennas != 12)
     throw Error(ExitCode::config, "radar_antennas is " + std::to_string(c.radar_antennas) +
@@ -294,7 +294,7 @@ void validate(const Conditions& c) {
 }
 
 std::string object_text(const Conditions& c) {
-  constexpr std::size_t most_triangles = 50'000;
+  constexpr std::size_t max_triangles = 50'000;
   const Mesh& mesh = mesh_of(c.object);
   const Vec3 size = c.object_scale * size_of(mesh);
   const std::string found =
@@ -302,8 +302,8 @@ std::string object_text(const Conditions& c) {
                                    mesh.triangles.size());
   const double longest_m = std::max({size.x, size.y, size.z}),
                pixel_m = 2 * c.half_tangent * c.target_z_min_m / static_cast<double>(c.map_size);
-  if (mesh.triangles.size() > most_triangles)
-    throw Error(ExitCode::config, found + "; expected at most " + std::to_string(most_triangles) +
+  if (mesh.triangles.size() > max_triangles)
+    throw Error(ExitCode::config, found + "; expected at most " + std::to_string(max_triangles) +
                                       "; more triangles take minutes");
   if (!(longest_m <= c.map_z_max_m && longest_m >= pixel_m))
     throw Error(

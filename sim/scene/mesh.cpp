@@ -16,7 +16,7 @@
 namespace echofuse::sim {
 namespace {
 
-constexpr std::size_t most_triangles = 1'000'000;
+constexpr std::size_t max_triangles = 1'000'000;
 constexpr double farthest = 1e6;  // largest allowed absolute coordinate, in units of the mesh
 
 // Splits a string into words, line by line. Skips a byte order mark. A line that ends with a
@@ -104,7 +104,7 @@ void check_size(const Mesh& mesh, const std::string& name) {
   if (mesh.triangles.empty())
     throw Error(ExitCode::config,
                 name + ": contains no triangles; expected a Wavefront OBJ file with faces");
-  if (mesh.triangles.size() > most_triangles)
+  if (mesh.triangles.size() > max_triangles)
     throw Error(ExitCode::config, name + ": " + std::to_string(mesh.triangles.size()) +
                                       " triangles; expected at most one million");
 }

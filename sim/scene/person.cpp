@@ -161,8 +161,8 @@ class BodyBuilder {
 // Returns the plate of a letter, without its position. The plate has its own axes, because it may
 // be tilted forward or back.
 Plate held_plate(const Conditions& c, const BodyBuilder& body, Rng& rng) {
-  const double most_deg = c.letter_tilt_deg;
-  const double lean = most_deg > 0 ? radians(uniform(rng, -most_deg, most_deg)) : 0;
+  const double max_deg = c.letter_tilt_deg;
+  const double lean = max_deg > 0 ? radians(uniform(rng, -max_deg, max_deg)) : 0;
   Plate plate;
   plate.u = body.right();
   plate.v = std::cos(lean) * Vec3{0, 1, 0} + std::sin(lean) * body.front();

@@ -22,8 +22,8 @@ Stand random_place(const Conditions& c, Rng& rng) {
   return {x, uniform(rng, c.target_z_min_m, c.target_z_max_m), 0};
 }
 
-double random_turn(double most_deg, Rng& rng) {
-  return uniform(rng, -most_deg, most_deg) * std::numbers::pi / 180;
+double random_turn(double max_deg, Rng& rng) {
+  return uniform(rng, -max_deg, max_deg) * std::numbers::pi / 180;
 }
 
 // Replaces a random position and yaw with the values given in `spec`. The random values are always
@@ -34,9 +34,9 @@ Stand chosen(const SceneSpec& spec, Stand random) {
           spec.yaw_deg ? *spec.yaw_deg * degree : random.yaw_rad};
 }
 
-Stand random_stand(const Conditions& c, double most_yaw_deg, Rng& rng) {
+Stand random_stand(const Conditions& c, double max_yaw_deg, Rng& rng) {
   Stand stand = random_place(c, rng);
-  stand.yaw_rad = random_turn(most_yaw_deg, rng);
+  stand.yaw_rad = random_turn(max_yaw_deg, rng);
   return stand;
 }
 

@@ -10,7 +10,7 @@
 namespace echofuse::sim {
 namespace {
 
-constexpr std::int64_t most_scenes = 10'000'000;
+constexpr std::int64_t max_scenes = 10'000'000;
 
 class SceneListReader : TableReader {
  public:
@@ -54,7 +54,7 @@ class SceneListReader : TableReader {
                         spec.kind == SceneKind::object;
     if (!placed && (spec.x_m || spec.z_m || spec.yaw_deg))
       say(table, "x_m, z_m and yaw_deg are valid only for a person, letter or object");
-    if (static_cast<std::int64_t>(all.size()) + count > most_scenes)
+    if (static_cast<std::int64_t>(all.size()) + count > max_scenes)
       return say(table, "more than 10 million scenes; reduce count");
     all.insert(all.end(), static_cast<std::size_t>(count), spec);
   }

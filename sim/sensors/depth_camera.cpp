@@ -57,7 +57,7 @@ std::vector<std::uint16_t> depth_map_mm(const Scene& scene, record::MapGrid grid
   const Axis rows = record::depth_y_axis(height, c.half_tangent * 12 / 11);
   auto frame = render_depth_mm(scene, columns, rows);
   disturb_depth(frame, width, c, rng);
-  grid.far_m = record::most_map_far_m;
+  grid.far_m = record::max_map_far_m;
   const auto map = record::to_target(frame, columns, rows, grid);
   std::vector<std::uint16_t> mm(map.size());
   std::transform(map.begin(), map.end(), mm.begin(),

@@ -10,13 +10,13 @@
 namespace echofuse::sim {
 
 std::vector<Patch> patches_of(const Scene& scene, double sensor_x_m, const Axis& x, const Axis& y) {
-  constexpr double least_cosine = 0.02;
+  constexpr double min_cosine = 0.02;
   const double pixel = std::abs(x.step * y.step);
   std::vector<Patch> out;
   Scanner scanner(scene, sensor_x_m, x, y, Sampling::staggered, RoomReturns::subtracted);
   scanner.scan(Shading::on, [&](const ScanRow& row) {
     for (std::size_t i = row.from; i < row.to; ++i) {
-      if (!(row.z[i] < INFINITY) || row.cosine[i] < least_cosine) continue;
+      if (!(row.z[i] < INFINITY) || row.cosine[i] < min_cosine) continue;
       const Vec3 ray{row.x[i], row.y[i], 1};
       const double long_ray = length(ray);
       const Vec3 at = row.z[i] * ray;

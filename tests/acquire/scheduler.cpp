@@ -173,11 +173,11 @@ TEST_CASE("slots missed during a pause wait while the disk is busy, but current 
   CHECK(next(false) == 1);
   CHECK(next(true) == -1);
   std::int64_t k = 1001;
-  for (; k < 1000 + Backlog::most_behind; ++k) {
+  for (; k < 1000 + Backlog::max_behind; ++k) {
     backlog.put({{k, false}});
     CHECK(next(true) == -1);
   }
-  // Once `most_behind` slots have become due after the pause, the slots of the pause are closed
+  // Once `max_behind` slots have become due after the pause, the slots of the pause are closed
   // even if the disk is busy.
   backlog.put({{k, false}});
   for (std::int64_t i = 2; i <= k; ++i) REQUIRE(next(true) == i);

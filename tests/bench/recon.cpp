@@ -31,7 +31,7 @@ Estimator fitted(const Dataset& data, const std::string& model, std::size_t epoc
 
 // Measures the duration of one epoch with validation. This is an eighth of the difference between
 // the durations of nine epochs and of one epoch.
-void training(const Dataset& data, double most_per_s) {
+void training(const Dataset& data, double max_per_s) {
   const Split split = make_split(data.usable(Inputs::fused), {});
   std::size_t a_record = 0, a_judgement = 0;
   const auto run = [&](std::size_t epochs) {
@@ -49,7 +49,7 @@ void training(const Dataset& data, double most_per_s) {
   // The limit is the higher of two rates, measured before and after the training runs, because the
   // speed of a shared machine varies.
   print_row("training of the plain network", "GFLOP/s", 2e-9 * done / epoch,
-            2e-9 * std::max(most_per_s, multiply_adds_per_s()), "multiply-adds");
+            2e-9 * std::max(max_per_s, multiply_adds_per_s()), "multiply-adds");
 }
 
 // Measures the time that `evaluate` takes for one map, including the alignment or scaling of the
@@ -73,9 +73,9 @@ int main(int argc, char** argv) {
   if (argc != 2) return std::fputs("usage: bench_recon RUN\n", stderr), 2;
   set_threads(1);
   constexpr std::size_t large = std::size_t{1} << 28;
-  const double most_per_s = multiply_adds_per_s(), read_per_s = bytes_read_per_s(large);
+  const double max_per_s = multiply_adds_per_s(), read_per_s = bytes_read_per_s(large);
   std::printf("this machine, one thread (%s): %.0f GFLOP/s, reads %.1f GB/s, copies %.1f GB/s\n",
-              instructions(), 2e-9 * most_per_s, 1e-9 * read_per_s,
+              instructions(), 2e-9 * max_per_s, 1e-9 * read_per_s,
               1e-9 * bytes_copied_per_s(large));
   std::printf("matrix kernels: %s (%s)\n", blas_kernels().c_str(), blas_instructions().c_str());
   Dataset data;
@@ -84,6 +84,6 @@ int main(int argc, char** argv) {
   print_row("loading a record", "us", loading / records,
             1e6 * static_cast<double>(std::filesystem::file_size(argv[1])) / read_per_s / records,
             "reading the file");
-  training(data, most_per_s);
+  training(data, max_per_s);
   for (const char* name : {"mlp-512-256", "factorised-32", "factorised-16"}) one_map(data, name);
 }

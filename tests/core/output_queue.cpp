@@ -70,7 +70,7 @@ TEST_CASE("the output queue keeps the newest messages if the reader stops readin
   const std::string filling(1 << 18, '.');
   queue.put(filling);
   while (pipe.read().empty()) std::this_thread::yield();  // waits until the write has begun
-  const std::string half(OutputQueue::most_bytes / 2, 'a');
+  const std::string half(OutputQueue::max_bytes / 2, 'a');
   CHECK(queue.put("first"));
   CHECK(queue.put(half));
   CHECK_FALSE(queue.put(half));
@@ -90,7 +90,7 @@ TEST_CASE("the output queue keeps the newest messages if the reader stops readin
 TEST_CASE("the output queue writes a message that is longer than its limit completely") {
   Pipe pipe;
   OutputQueue queue(pipe.ends[1], left_out);
-  const std::string huge(OutputQueue::most_bytes + 1, 'a');
+  const std::string huge(OutputQueue::max_bytes + 1, 'a');
   CHECK_FALSE(queue.put(huge));
   std::string text;
   std::thread reader([&] {

@@ -22,7 +22,7 @@ void hello(ByteView payload) {
   require(begin != std::string_view::npos, "a hello is an object");
   const std::size_t size = hello->model.size() + hello->serial.size() + hello->firmware.size();
   require(size <= payload.size(), "its texts come from the payload");
-  require(hello->zones.size() <= most_zones &&
+  require(hello->zones.size() <= max_zones &&
               std::ranges::all_of(hello->zones, [](const Zone& z) { return z.plausible(); }),
           "zones are plausible");
 }

@@ -19,7 +19,7 @@ void check_config(const fuzz::Folder& folder) {
   require((config.required() - config.configured()).empty(), "required devices have an address");
   for (const Sensor sensor : all_sensors)
     require(config.nominal_hz()[sensor] >= 0, "a rate is not negative");
-  require(config.antennas.size() <= record::most_antennas, "antennas are limited");
+  require(config.antennas.size() <= record::max_antennas, "antennas are limited");
   folder.write("lab.toml", config.resolved);
   try {
     require(acquire::load_config(folder / "lab.toml").resolved == config.resolved,

@@ -14,7 +14,7 @@ namespace {
 constexpr std::string_view cfg = "sensorStop\n  flushCfg\r\nguiMonitor -1 0 1\nsensorStart\n";
 const std::vector<std::string> cfg_lines = {"sensorStop", "  flushCfg", "guiMonitor -1 0 1",
                                             "sensorStart"};
-constexpr std::size_t longest_text = 600, most_tries = 3;
+constexpr std::size_t longest_text = 600, max_tries = 3;
 
 struct Session {
   explicit Session(CommandDialogue::Send what) : dialogue(cfg, "x.cfg", {}, what) {
@@ -61,7 +61,7 @@ void check_sent(const Session& s) {
     for (; at != s.sent.end() && *at == line && count < most; ++at) ++count;
     return count > 0;
   };
-  require(many("", most_tries), "the dialogue begins with an empty line");
+  require(many("", max_tries), "the dialogue begins with an empty line");
   bool all = many("version", 2);
   if (all && s.sent.end() - at >= 1 && *at == "sensorStop" &&
       (s.dialogue.sent() == CommandDialogue::Send::restart ||

@@ -14,7 +14,7 @@ using fuzz::require;
 
 namespace {
 
-constexpr std::uint32_t most_bins =
+constexpr std::uint32_t max_bins =
     1u << 14;  // a larger number of bins would only slow down the fuzzer
 
 struct Reference {
@@ -94,7 +94,7 @@ void fuzz::run(ByteView input) {
   s.bin_width_ps = in.get<std::int64_t>();
   s.first_bin_ps = in.get<std::int64_t>();
   s.bins = in.get<std::uint32_t>();
-  if (!in.ok() || (s.bins > most_bins && allowed(s))) return;
+  if (!in.ok() || (s.bins > max_bins && allowed(s))) return;
   const auto tags = to_values<Tag>(in.take(in.left()));
   try {
     Histogram pieces(s);

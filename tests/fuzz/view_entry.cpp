@@ -14,19 +14,19 @@ namespace {
 void take_text(std::string_view text) {
   const Request request = parse_request(text);
   if (const auto* mark = std::get_if<Mark>(&request))
-    require(mark->text.size() <= most_text_bytes && fuzz::is_printable(mark->text),
+    require(mark->text.size() <= max_text_bytes && fuzz::is_printable(mark->text),
             "a mark is a short line");
   if (const auto* record = std::get_if<ShowRecord>(&request))
     require(record->index >= 0, "a record has an index");
   if (const auto* sum = std::get_if<ShowSum>(&request))
-    require(sum->records >= 0 && sum->records <= std::int64_t{most_summed}, "a sum is bounded");
+    require(sum->records >= 0 && sum->records <= std::int64_t{max_summed}, "a sum is bounded");
   if (const auto* sheet = std::get_if<ShowSheet>(&request))
     require(sheet->first >= 0 && sheet->first <= sheet->last, "a page of records is in order");
 }
 
 void take_http(std::string_view bytes, bool everybody, bool many) {
   http::request_parser<http::empty_body> parser;
-  parser.header_limit(most_header_bytes);
+  parser.header_limit(max_header_bytes);
   parser.body_limit(std::uint64_t{0});
   parser.eager(true);
   boost::system::error_code error;
