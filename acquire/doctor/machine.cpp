@@ -13,6 +13,7 @@
 
 #include "acquire/doctor/doctor.hpp"
 #include "drivers/port/open_port.hpp"
+#include "drivers/util/format.hpp"
 #include "drivers/util/program.hpp"
 
 namespace echofuse::acquire {
@@ -177,10 +178,9 @@ Finding check_usb_memory(const std::optional<Config>& config, const MachineRoots
     if (!ring) return {check, Grade::ok, "no USB time tagger is configured"};
     return {check, Grade::warning, "limit unknown", "check that the module usbcore is loaded"};
   }
-  char found[160];
-  std::snprintf(found, sizeof found,
-                "usbfs_memory_mb is %g%s; the time tagger's ring buffer needs %g MiB", limit,
-                limit == 0 ? " (no limit)" : "", needed);
+  const std::string found =
+      format("usbfs_memory_mb is %g%s; the time tagger's ring buffer needs %g MiB", limit,
+             limit == 0 ? " (no limit)" : "", needed);
   const bool enough = limit == 0 || limit >= needed;
   return {check,
           enough ? Grade::ok : Grade::problem,
@@ -238,9 +238,9 @@ Finding check_clock(const KernelClock& clock) {
   constexpr const char* check = "clock";
   constexpr double enough_s = 0.1;
   if (!clock.readable) return {check, Grade::warning, "synchronisation unknown", ""};
-  char found[160];
-  std::snprintf(found, sizeof found, "%s, maximum error %.4g s",
-                clock.synchronised ? "synchronised" : "not synchronised", clock.maximal_error_s);
+  const std::string found =
+      format("%s, maximum error %.4g s", clock.synchronised ? "synchronised" : "not synchronised",
+             clock.maximal_error_s);
   const bool good = clock.synchronised && clock.maximal_error_s <= enough_s;
   return {
       check,

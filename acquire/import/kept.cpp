@@ -13,6 +13,7 @@
 #include "acquire/import/imported_run.hpp"
 #include "acquire/run/new_run.hpp"
 #include "drivers/port/virtual_loop.hpp"
+#include "drivers/util/format.hpp"
 #include "drivers/util/new_file.hpp"
 #include "drivers/util/printable.hpp"
 #include "drivers/util/regular_file.hpp"
@@ -79,11 +80,7 @@ class CapturedPort {
     return std::exchange(line_, times_.next());
   }
   Bytes read(std::int64_t count) {
-    if (!file_) {
-      char number[16];
-      std::snprintf(number, sizeof number, "-%03d", ++files_);
-      file_.emplace(stem_ + number + ending_, ExitCode::failed);
-    }
+    if (!file_) file_.emplace(stem_ + format("-%03d", ++files_) + ending_, ExitCode::failed);
     Bytes out(count > 0 && count <= max_bytes ? static_cast<std::size_t>(count) : 0);
     if (out.empty() || file_->read(out) != out.size())
       throw Error(ExitCode::failed, printable(times_.path()) + ": lists more bytes than " +

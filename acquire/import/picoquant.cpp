@@ -3,13 +3,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 #include <utility>
 
 #include "acquire/import/tagged_file.hpp"
 #include "acquire/intake/tag_check.hpp"
 #include "drivers/core/bytes.hpp"
+#include "drivers/util/format.hpp"
 #include "drivers/util/printable.hpp"
 
 namespace echofuse::acquire {
@@ -35,11 +35,7 @@ DeviceInfo device_of(const TaggedFile& file) {
           .axes = {}};
 }
 
-std::string number_text(long double value) {
-  char text[40];
-  std::snprintf(text, sizeof text, "%.5Lg", value);
-  return text;
-}
+std::string number_text(long double value) { return format("%.5Lg", value); }
 
 }  // namespace
 
@@ -160,7 +156,7 @@ DeviceInfo PicoquantTags::device() const { return device_of(*file_); }
 
 std::optional<UtcTime> PicoquantTags::began() const { return file_->time("File_CreatingTime"); }
 
-bool PicoquantTags::began_twice() const { return file_->came_twice("File_CreatingTime"); }
+bool PicoquantTags::began_twice() const { return file_->is_repeated("File_CreatingTime"); }
 
 // Appends the tags of the next record. Returns false at the end of the data.
 bool PicoquantTags::read_record() {

@@ -98,7 +98,7 @@ std::string TaggedFile::text(const std::string& name) const {
   return found == texts_.end() ? "" : found->second;
 }
 
-bool TaggedFile::came_twice(const std::string& name) const {
+bool TaggedFile::is_repeated(const std::string& name) const {
   const auto first = time(name);
   if (!first) return false;
   const auto whole_s = std::chrono::duration_cast<std::chrono::seconds>(*first).count();

@@ -35,7 +35,7 @@ class TaggedFile {
   // time is not between 1970 and 2250.
   std::optional<UtcTime> time(const std::string& name) const;
   // Returns true if the local time in the tag occurred twice because summer time ended.
-  bool came_twice(const std::string& name) const;
+  bool is_repeated(const std::string& name) const;
   const std::string& path() const { return path_; }
   const RegularFile& file() const { return file_; }  // positioned at the end of the tags
 

@@ -2,8 +2,9 @@
 #pragma once
 #include <array>
 #include <cstdint>
-#include <cstdio>
 #include <string>
+
+#include "drivers/util/format.hpp"
 
 namespace echofuse::record {
 
@@ -11,10 +12,8 @@ namespace echofuse::record {
 inline std::string uuid_text(std::array<std::uint32_t, 4> w, std::uint32_t version) {
   w[1] = (w[1] & 0xffff0fffU) | version << 12;
   w[2] = (w[2] & 0x3fffffffU) | 0x80000000U;
-  char text[40];
-  std::snprintf(text, sizeof text, "%08x-%04x-%04x-%04x-%04x%08x", w[0], w[1] >> 16, w[1] & 0xffff,
-                w[2] >> 16, w[2] & 0xffff, w[3]);
-  return text;
+  return format("%08x-%04x-%04x-%04x-%04x%08x", w[0], w[1] >> 16, w[1] & 0xffff, w[2] >> 16,
+                w[2] & 0xffff, w[3]);
 }
 
 }  // namespace echofuse::record

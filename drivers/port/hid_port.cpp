@@ -5,7 +5,6 @@
 #include <unistd.h>
 
 #include <cerrno>
-#include <cstdio>
 #include <mutex>
 #include <string>
 #include <utility>
@@ -14,6 +13,7 @@
 #include "drivers/port/open_port.hpp"
 #include "drivers/port/thread_port.hpp"
 #include "drivers/util/exit_code.hpp"
+#include "drivers/util/format.hpp"
 #include "drivers/util/program.hpp"
 
 namespace echofuse::port {
@@ -38,10 +38,8 @@ struct CloseDevice {
 using HidDevice = std::unique_ptr<hid_device, CloseDevice>;
 
 std::string name_of(const HidAddress& address) {
-  char ids[16];
-  std::snprintf(ids, sizeof ids, "hid:%04x:%04x", unsigned{address.vendor},
-                unsigned{address.product});
-  return address.serial.empty() ? ids : ids + (':' + address.serial);
+  return format("hid:%04x:%04x", unsigned{address.vendor}, unsigned{address.product}) +
+         (address.serial.empty() ? "" : ':' + address.serial);
 }
 
 std::string narrow(const wchar_t* text) {

@@ -8,7 +8,6 @@
 #include <cerrno>
 #include <chrono>
 #include <condition_variable>
-#include <cstdio>
 #include <cstring>
 #include <filesystem>
 #include <map>
@@ -17,6 +16,7 @@
 #include <utility>
 
 #include "drivers/util/exit_code.hpp"
+#include "drivers/util/format.hpp"
 
 namespace echofuse::port {
 namespace {
@@ -129,9 +129,7 @@ void RawKeeper::note(const std::string& name, HostTime at, const char* what, std
 
 std::string RawKeeper::next_name(const std::string& name, const std::string& ending) {
   const std::lock_guard lock(shared_->mutex);
-  char number[16];
-  std::snprintf(number, sizeof number, "-%03d", ++shared_->numbers[name]);
-  return name + number + ending;
+  return name + format("-%03d", ++shared_->numbers[name]) + ending;
 }
 
 std::string RawKeeper::take_trouble() {

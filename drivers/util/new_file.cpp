@@ -16,6 +16,7 @@
 
 #include "drivers/core/crc32c.hpp"
 #include "drivers/util/exit_code.hpp"
+#include "drivers/util/format.hpp"
 #include "drivers/util/lock.hpp"
 #include "drivers/util/printable.hpp"
 #include "drivers/util/program.hpp"
@@ -37,10 +38,9 @@ fs::path folder_of(const std::string& path) {
 // may not work between machines that share a folder.
 std::string unfinished(const fs::path& place) {
   const std::string whole = fs::absolute(place).lexically_normal().string();
-  char hash[12];
-  std::snprintf(hash, sizeof hash, "%08x",
-                crc32c({reinterpret_cast<const std::uint8_t*>(whole.data()), whole.size()}));
-  return "." + place.filename().string() + "." + machine_name() + "-" + hash + ".unfinished";
+  const std::uint32_t hash =
+      crc32c({reinterpret_cast<const std::uint8_t*>(whole.data()), whole.size()});
+  return "." + place.filename().string() + "." + machine_name() + format("-%08x.unfinished", hash);
 }
 
 // Renames a file without replacing an existing one. If the file system does not support
@@ -98,9 +98,7 @@ fs::path scratch_folder(const std::string& place) {
 NewFile::NewFile(std::string place) : place_(std::move(place)) {
   std::random_device random;
   do {
-    char name[16];
-    std::snprintf(name, sizeof name, ".%08x.part", random());
-    path_ = place_ + name;
+    path_ = place_ + format(".%08x.part", random());
     fd_ = ::open(path_.c_str(), flags, 0666);
   } while (fd_ < 0 && errno == EEXIST);
   if (fd_ < 0) fail();

@@ -3,7 +3,8 @@
 
 #include <algorithm>
 #include <cstdint>
-#include <cstdio>
+
+#include "drivers/util/format.hpp"
 
 namespace echofuse {
 namespace {
@@ -40,18 +41,14 @@ bool is_obeyed(std::uint32_t c) {
 }
 
 void put_written_out(std::string& out, std::string_view bytes, const Character& c) {
-  char text[12];
-  if (c.valid && c.code == '\n') {
+  if (c.valid && c.code == '\n')
     out += "\\n";
-  } else if (c.valid && c.code == '\t') {
+  else if (c.valid && c.code == '\t')
     out += "\\t";
-  } else if (c.valid && c.code >= 0x80) {
-    std::snprintf(text, sizeof text, "\\u%04x", static_cast<unsigned>(c.code));
-    out += text;
-  } else {
-    std::snprintf(text, sizeof text, "\\x%02x", static_cast<unsigned char>(bytes[0]));
-    out += text;
-  }
+  else if (c.valid && c.code >= 0x80)
+    out += format("\\u%04x", static_cast<unsigned>(c.code));
+  else
+    out += format("\\x%02x", static_cast<unsigned char>(bytes[0]));
 }
 
 enum class Kept { printed, lines, all };  // characters that are not escaped

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <sstream>
 
+#include "drivers/util/format.hpp"
 #include "drivers/util/printable.hpp"
 #include "drivers/util/regular_file.hpp"
 
@@ -17,10 +18,8 @@ namespace {
 // Formats a number with 15 digits, or with 17 digits if 15 digits would be read back as a different
 // number.
 std::string text_of(double v) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.15g", v);
-  if (std::strtod(text, nullptr) != v) std::snprintf(text, sizeof text, "%.17g", v);
-  return text;
+  const std::string text = format("%.15g", v);
+  return std::strtod(text.c_str(), nullptr) == v ? text : format("%.17g", v);
 }
 
 std::string literal(double v) {

@@ -2,10 +2,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
 
 #include "drivers/core/crc32c.hpp"
 #include "drivers/core/random.hpp"
+#include "drivers/util/format.hpp"
 #include "sim/devices/device.hpp"
 #include "sim/devices/fault_injector.hpp"
 #include "sim/devices/radar_antennas.hpp"
@@ -214,12 +214,10 @@ class RadarBoard final : public Device {
 
   void report_bias(const std::vector<double>& power) {
     const RadarOutputs& wanted = firmware_.outputs();
-    std::array<char, 32> bias{};
-    std::snprintf(
-        bias.data(), bias.size(), " %.7f",
-        measured_range_bias_m(power, chirp().firmware_step_m(), wanted.target_m, wanted.search_m));
-    firmware_.say(std::string("compRangeBiasAndRxChanPhase") + bias.data() +
-                  antennas_.coefficients() + "\n");
+    const double bias_m =
+        measured_range_bias_m(power, chirp().firmware_step_m(), wanted.target_m, wanted.search_m);
+    firmware_.say(format("compRangeBiasAndRxChanPhase %.7f", bias_m) + antennas_.coefficients() +
+                  "\n");
   }
 
   struct QueuedFrame {
