@@ -101,7 +101,7 @@ class Events {
  public:
   void begin() { out_.emplace(STDOUT_FILENO, left_out); }
   void put(const nlohmann::ordered_json& event) {
-    if (!out_ || out_->put(line_of(event)) || std::exchange(told_, true)) return;
+    if (!out_ || out_->put(line_of(event)) || std::exchange(reported_, true)) return;
     spdlog::warn(
         "--json: the program that reads stdout is too slow or has stopped; the oldest events are "
         "dropped");
@@ -124,7 +124,7 @@ class Events {
     return line_of({{"event", "left out"}, {"events", count}});
   }
   std::optional<OutputQueue> out_;
-  bool told_ = false;
+  bool reported_ = false;
 };
 
 // Runs `body` and returns its exit code, or that of its exception, which is stored in `failure`.

@@ -35,8 +35,8 @@ std::string fault_of_depths(double median_mm) {
   return "its median is " + std::to_string(std::lround(median_mm)) + " mm; expected depths in ";
 }
 
-void SampleCheck::once(bool& told, Sensor sensor, const std::string& text) {
-  if (!std::exchange(told, true)) report_(sensor, text);
+void SampleCheck::once(bool& reported, Sensor sensor, const std::string& text) {
+  if (!std::exchange(reported, true)) report_(sensor, text);
 }
 
 bool SampleCheck::take(HistogramFrame& frame) {
@@ -44,7 +44,7 @@ bool SampleCheck::take(HistogramFrame& frame) {
   const auto highest = std::ranges::max_element(frame.counts);
   if (highest != frame.counts.end() &&
       (*highest > most || *highest == std::numeric_limits<std::uint32_t>::max())) {
-    once(impossible_told_, Sensor::spd,
+    once(impossible_reported_, Sensor::spd,
          "bin " + std::to_string(highest - frame.counts.begin()) + " contains " +
              std::to_string(*highest) + " counts in an exposure of " +
              digits(1e-6 * frame.exposure_us) +
@@ -63,7 +63,7 @@ bool SampleCheck::take(HistogramFrame& frame) {
 void SampleCheck::check_exposures(const HistogramFrame& frame) {
   const double exposure_s = 1e-6 * frame.exposure_us;
   if (exposure_s > window_s_)
-    once(long_told_, Sensor::spd,
+    once(long_reported_, Sensor::spd,
          "exposures of " + digits(exposure_s) + " s do not fit slots of " + digits(window_s_) +
              " s; use shorter exposures or longer slots (run.window_s)");
   if (!first_ || frame.device_time_us < first_->device_time_us) {
@@ -77,7 +77,7 @@ void SampleCheck::check_exposures(const HistogramFrame& frame) {
   if (exposures_ < enough_exposures || passed_s < enough_s) return;
   const double times = 1e-6 * static_cast<double>(exposed_us_) / passed_s;
   if (times > overlap)
-    once(overlap_told_, Sensor::spd,
+    once(overlap_reported_, Sensor::spd,
          "exposures add up to " + digits(std::round(10 * times) / 10) +
              " times the time between them: are they sliding windows, or is the histogram not "
              "cleared?");
@@ -91,7 +91,7 @@ void SampleCheck::check_falls(const HistogramFrame& frame) {
   last_counts_ = frame.counts;
   rises_ = rises ? rises_ + 1 : 0;
   if (rises_ >= enough_exposures)
-    once(falls_told_, Sensor::spd,
+    once(falls_reported_, Sensor::spd,
          "counts fall in no bin over ten exposures; is the histogram cleared after each exposure?");
 }
 
@@ -99,7 +99,7 @@ void SampleCheck::take(const RadarFrame& frame) {
   if (frame.power.empty() || profiles_ == enough_profiles) return;
   like_db_ += looks_like_db(frame.power);
   if (++profiles_ == enough_profiles && 2 * like_db_ > profiles_)
-    once(db_told_, Sensor::radar, db_question);
+    once(db_reported_, Sensor::radar, db_question);
 }
 
 void SampleCheck::take(const DepthFrame& frame) {
@@ -109,13 +109,13 @@ void SampleCheck::take(const DepthFrame& frame) {
   std::ranges::copy_if(frame.depth_mm, std::back_inserter(returns), [](auto z) { return z > 0; });
   if (returns.empty()) return;
   if (const std::string fault = fault_of_depths(median(std::move(returns))); !fault.empty())
-    once(depth_told_, Sensor::depth, "depth map: " + fault + "millimetres");
+    once(depth_reported_, Sensor::depth, "depth map: " + fault + "millimetres");
 }
 
 void SampleCheck::take(const Axis& axis) {
   const double end_m = axis.start + axis.step * axis.count;
   if (axis.name == "radar" && end_m > farthest_m)
-    once(range_told_, Sensor::radar,
+    once(range_reported_, Sensor::radar,
          "the range profile ends at " + digits(end_m) + " m; is its range step in metres?");
 }
 

@@ -39,7 +39,7 @@ class SampleCheck {
   void take(const Axis& axis);
 
  private:
-  void once(bool& told, Sensor sensor, const std::string& text);
+  void once(bool& reported, Sensor sensor, const std::string& text);
   void check_exposures(const HistogramFrame& frame);
   void check_falls(const HistogramFrame& frame);
 
@@ -54,8 +54,9 @@ class SampleCheck {
   std::optional<ExposureEnd> first_;
   std::uint64_t lost_ = 0, rises_ = 0, exposures_ = 0, exposed_us_ = 0;
   std::size_t profiles_ = 0, like_db_ = 0, maps_ = 0;
-  bool impossible_told_ = false, long_told_ = false, overlap_told_ = false, falls_told_ = false,
-       db_told_ = false, range_told_ = false, depth_told_ = false;
+  bool impossible_reported_ = false, long_reported_ = false, overlap_reported_ = false,
+       falls_reported_ = false, db_reported_ = false, range_reported_ = false,
+       depth_reported_ = false;
 };
 
 }  // namespace echofuse::acquire

@@ -215,7 +215,7 @@ void TagCheck::take_marker(const Tag& tag, HostTime received) {
   if (tag.reserved != 0) return;
   if (tag.type == TagType::overflow_end || tag.type == TagType::error) overflow_from_.reset();
   if (tag.type == TagType::overflow_begin || (overflow_from_ && tag.type == TagType::missed_events))
-    overflow_from_ = received, overflow_told_ = false;
+    overflow_from_ = received, overflow_reported_ = false;
 }
 
 void TagCheck::check_tag(const Tag& tag, HostTime received) {
@@ -287,8 +287,8 @@ void TagCheck::check_clock(HostTime received) {
 }
 
 void TagCheck::check_overflow(HostTime received) {
-  if (!overflow_from_ || overflow_told_ || received - *overflow_from_ < overflow_time) return;
-  overflow_told_ = true;
+  if (!overflow_from_ || overflow_reported_ || received - *overflow_from_ < overflow_time) return;
+  overflow_reported_ = true;
   found(overflow, 1,
         "overflows that did not end within 3 s; clicks are not counted during an overflow");
 }

@@ -109,7 +109,7 @@ class TagCheck {
   std::optional<ClockReading> clock_from_;
   std::optional<double> clock_ratio_;
   std::optional<HostTime> second_from_, overflow_from_;
-  bool overflow_told_ = false;
+  bool overflow_reported_ = false;
   std::optional<std::uint64_t> last_start_ps_, last_click_ps_;
   unsigned clicks_ = 0;  // number of clicks since the last start
   SecondCounts sample_;

@@ -38,7 +38,7 @@ struct CounterRow {
 
 // Times in ns (CLOCK_MONOTONIC) of a writer that waits for another program's write transaction.
 // Threading: any thread.
-struct Patience {
+struct LockWait {
   std::atomic<std::int64_t> give_up_ns = std::numeric_limits<std::int64_t>::max();
   std::atomic<std::int64_t> waited_ns = 0;  // last time at which a writer was waiting
   bool tried() const;  // Returns true if a writer was waiting within the last 100 ms.
@@ -104,7 +104,7 @@ class RunWriter {
   // Makes the writer wait for another program's write transaction until `patience.give_up_ns`,
   // instead of at most 30 s. After that time, the waiting call throws Error(disk). `patience` must
   // outlive the writer.
-  void wait_with(Patience& patience) { patience_ = &patience; }
+  void wait_with(LockWait& lock_wait) { lock_wait_ = &lock_wait; }
   const std::string& path() const { return path_; }
   std::int64_t records() const { return records_; }
 
@@ -134,7 +134,7 @@ class RunWriter {
   std::string completed_;  // status stored by complete(), if the database contains all data
   bool touched_ = false;   // another program wrote to the file before this writer's checkpoint
   std::string harm_;       // error message if the file is missing or damaged
-  Patience* patience_ = nullptr;
+  LockWait* lock_wait_ = nullptr;
   std::int64_t waits_since_ns_ = 0;
   std::optional<std::string> left_label_;  // last label before the run was closed
   std::vector<Axis> axes_;

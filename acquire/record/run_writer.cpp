@@ -154,14 +154,14 @@ void RunWriter::wait_for_others() {
 bool RunWriter::waits_on(int tries) {
   const std::int64_t now = now_ns();
   if (tries == 0) waits_since_ns_ = now;
-  if (patience_) patience_->waited_ns = now;
-  if (now >= (patience_ ? patience_->give_up_ns.load() : waits_since_ns_ + longest_wait_ns))
+  if (lock_wait_) lock_wait_->waited_ns = now;
+  if (now >= (lock_wait_ ? lock_wait_->give_up_ns.load() : waits_since_ns_ + longest_wait_ns))
     return false;
   std::this_thread::sleep_for(retry_pause);
   return true;
 }
 
-bool Patience::tried() const {
+bool LockWait::tried() const {
   return now_ns() - waited_ns < std::chrono::nanoseconds(10 * retry_pause).count();
 }
 

@@ -41,7 +41,7 @@ Journal::Journal(std::unique_ptr<record::RunWriter> run, port::Loop& loop, std::
       clock_(loop),
       closer_(loop.make_worker()),
       worker_(loop.make_worker()) {
-  run_->wait_with(patience_);
+  run_->wait_with(lock_wait_);
   anchors_.push_back(put_anchor());
 }
 
@@ -89,7 +89,7 @@ void Journal::put(WriteJob job) {
 }
 
 std::string Journal::why_late() const {
-  return patience_.tried() ? "another program is writing to the run file" : "disk too slow";
+  return lock_wait_.tried() ? "another program is writing to the run file" : "disk too slow";
 }
 
 // Runs a step on a run that has ended. Its failure does not end the next run.
@@ -122,7 +122,7 @@ void Journal::begin_next(MakeRun make) {
     std::shared_ptr<record::RunWriter> before;
     attempt([this] { run_->complete("complete"); });
     auto next = make();
-    next->wait_with(patience_);
+    next->wait_with(lock_wait_);
     {
       const std::lock_guard lock(mutex_);
       run_.swap(next);
@@ -261,8 +261,8 @@ void Journal::fail(const std::exception_ptr& why) {
 
 void Journal::stop() {
   const auto now = std::chrono::steady_clock::now().time_since_epoch();
-  patience_.give_up_ns = std::min(patience_.give_up_ns.load(),
-                                  std::int64_t{std::chrono::nanoseconds(now + last_wait).count()});
+  lock_wait_.give_up_ns = std::min(lock_wait_.give_up_ns.load(),
+                                   std::int64_t{std::chrono::nanoseconds(now + last_wait).count()});
   worker_.reset();  // worker_ is stopped first, because its jobs use closer_
   closer_.reset();
 }

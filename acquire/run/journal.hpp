@@ -110,7 +110,7 @@ class Journal {
   void fail(const std::exception_ptr& why);
   void stop();
 
-  record::Patience patience_;  // state of the wait for a locked run file, shared by all writers
+  record::LockWait lock_wait_;  // state of the wait for a locked run file, shared by all writers
   // Replaced by the worker when the next run begins; guarded by mutex_.
   std::unique_ptr<record::RunWriter> run_;
   const std::size_t capacity_;

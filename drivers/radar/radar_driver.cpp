@@ -43,7 +43,7 @@ RadarDriver::RadarDriver(port::Loop& loop, RadarSetup setup)
 void RadarDriver::start(SampleSink& sink) {
   sink_ = &sink;
   running_ = true;
-  last_words_.reset();
+  stop_dialogue_.reset();
   for (const auto& warnings : {profile_.warnings, setup_.warnings})
     for (const std::string& warning : warnings)
       sink_->on_event(Sensor::radar, Severity::warning, warning);
@@ -57,14 +57,14 @@ void RadarDriver::stop() {
   if (!connected || setup_.keep_running) return disconnect();
   stop_timers();
   drop_data();  // later bytes are neither parsed nor captured
-  last_words_.emplace(dialogue_->state() == CommandDialogue::State::commanding);
+  stop_dialogue_.emplace(dialogue_->state() == CommandDialogue::State::commanding);
   advance_last_words();
 }
 
 void RadarDriver::advance_last_words() {
-  const std::string out = last_words_->take_output();
+  const std::string out = stop_dialogue_->take_output();
   cli_->write({reinterpret_cast<const std::uint8_t*>(out.data()), out.size()});
-  if (last_words_->done()) disconnect();
+  if (stop_dialogue_->done()) disconnect();
 }
 
 std::vector<Counter> RadarDriver::counters() const {
@@ -81,7 +81,7 @@ std::vector<Counter> RadarDriver::counters() const {
 void RadarDriver::connect() {
   open_ports_ = 0;
   dialogue_.reset();
-  silence_.reset();
+  no_data_probe_.reset();
   frame_after_stop_.reset();
   cli_ = setup_.cli();
   data_ = setup_.data();
@@ -136,12 +136,12 @@ void RadarDriver::advance() {
 }
 
 void RadarDriver::on_cli(ByteView bytes) {
-  if (last_words_) {
-    last_words_->receive(bytes);
+  if (stop_dialogue_) {
+    stop_dialogue_->receive(bytes);
     return advance_last_words();
   }
-  if (silence_) {
-    silence_->receive_cli(bytes);
+  if (no_data_probe_) {
+    no_data_probe_->receive_cli(bytes);
     return advance_silence();
   }
   if (!dialogue_) return;
@@ -162,7 +162,7 @@ void RadarDriver::on_cli(ByteView bytes) {
 
 void RadarDriver::on_data(ByteView bytes) {
   if (!running_) return;
-  if (silence_) silence_->receive_data(bytes);
+  if (no_data_probe_) no_data_probe_->receive_data(bytes);
   const auto take = [this](RadarFrame frame) { on_frame(std::move(frame)); };
   parser_.feed(bytes, loop_.now(), take);
   quiet_timer_.cancel();
@@ -224,7 +224,7 @@ void RadarDriver::check_array(RadarFrame& frame) {
                            ", but the cfg and radar.board require " + std::to_string(wanted / 2) +
                            " in TLV " + (profile_.planar ? "8" : "4") + "; the heat map is ignored";
   frame.array.clear();
-  if (std::exchange(array_told_, true)) return;
+  if (std::exchange(array_reported_, true)) return;
   sink_->on_event(Sensor::radar, Severity::warning, text);
 }
 
@@ -283,17 +283,17 @@ void RadarDriver::watch() {
 }
 
 void RadarDriver::ask_why() {
-  silence_.emplace(setup_.data_baud, parser_.counts().bytes - bytes_before_);
+  no_data_probe_.emplace(setup_.data_baud, parser_.counts().bytes - bytes_before_);
   advance_silence();
-  watch_timer_.after(Silence::time, [this] {
+  watch_timer_.after(NoDataProbe::time, [this] {
     const std::string& remark = dialogue_->remark();
-    fail(said_ = "no frames on the data port: " + silence_->cause() +
+    fail(said_ = "no frames on the data port: " + no_data_probe_->cause() +
                  (remark.empty() ? "" : "; message from the board on start: " + remark));
   });
 }
 
 void RadarDriver::advance_silence() {
-  const std::string out = silence_->take_output();
+  const std::string out = no_data_probe_->take_output();
   cli_->write({reinterpret_cast<const std::uint8_t*>(out.data()), out.size()});
 }
 
@@ -333,10 +333,10 @@ void RadarDriver::fail(const std::string& reason, DeviceState state) {
   watch_timer_.after(backoff_.next(), [this] { connect(); });
 }
 
-Silence::Silence(std::uint32_t data_baud, std::uint64_t bytes)
+NoDataProbe::NoDataProbe(std::uint32_t data_baud, std::uint64_t bytes)
     : data_baud_(data_baud), bytes_(bytes), output_("queryDemoStatus\n") {}
 
-void Silence::receive_cli(ByteView bytes) {
+void NoDataProbe::receive_cli(ByteView bytes) {
   constexpr std::size_t longest = 512;
   for (const std::uint8_t byte : bytes) {
     if (byte == '\n' || byte == '\r' || line_.size() > longest) line_.clear();
@@ -350,14 +350,14 @@ void Silence::receive_cli(ByteView bytes) {
   }
 }
 
-void Silence::receive_data(ByteView bytes) {
+void NoDataProbe::receive_data(ByteView bytes) {
   bytes_ += bytes.size();
   if (answered_ >= 2) pings_ += static_cast<std::size_t>(std::ranges::count(bytes, 0xff));
 }
 
-std::string Silence::take_output() { return std::exchange(output_, {}); }
+std::string NoDataProbe::take_output() { return std::exchange(output_, {}); }
 
-std::string Silence::cause() const {
+std::string NoDataProbe::cause() const {
   constexpr std::size_t most_of_16 = 12;
   if (answered_ == 0)
     return "the firmware does not answer: its processor has stopped; reset the board, and disable "

@@ -26,11 +26,11 @@ namespace echofuse::radar {
 //   sensorStop              is required before configDataPort
 //   configDataPort BAUD 1   sends 16 bytes FF to the data port (SDK 3.x, mmw_cli.c)
 // Uses no ports or clocks; the caller waits for `time`.
-class Silence {
+class NoDataProbe {
  public:
   static constexpr std::chrono::seconds time{2};
   // `bytes`: number of bytes received on the data port since the cfg was sent.
-  Silence(std::uint32_t data_baud, std::uint64_t bytes);
+  NoDataProbe(std::uint32_t data_baud, std::uint64_t bytes);
   void receive_cli(ByteView bytes);
   void receive_data(ByteView bytes);
   std::string take_output();
@@ -60,7 +60,7 @@ struct RadarSetup {
 
 // Each connection opens both ports and sends the whole cfg. If a port was unplugged for less than
 // 10 s and there was no other fault, the driver restarts the sensor with its stored cfg instead.
-// The state is `streaming` from the first frame on. If no frame arrives, Silence determines the
+// The state is `streaming` from the first frame on. If no frame arrives, NoDataProbe determines the
 // reason. If the data port is silent, a port closes, a command is rejected, or the board was reset
 // (banner, or restarted frame numbering), the state becomes `faulted` and the driver reconnects.
 // The state becomes `misconfigured` if frames arrive while the sensor is stopped. stop() sends
@@ -72,7 +72,7 @@ class RadarDriver final : public Driver {
   RadarDriver(port::Loop& loop, RadarSetup setup);
   void start(SampleSink& sink) override;
   void stop() override;
-  bool finished() const override { return !last_words_ || last_words_->done(); }
+  bool finished() const override { return !stop_dialogue_ || stop_dialogue_->done(); }
   std::vector<Counter> counters() const override;
 
  private:
@@ -107,8 +107,8 @@ class RadarDriver final : public Driver {
   FrameParser parser_;
   std::optional<CommandDialogue> dialogue_;
   // set while the driver determines why the first frame is missing
-  std::optional<Silence> silence_;
-  std::optional<StopDialogue> last_words_;
+  std::optional<NoDataProbe> no_data_probe_;
+  std::optional<StopDialogue> stop_dialogue_;
   SampleSink* sink_ = nullptr;
   bool answered_ = false;  // true if the firmware has answered since the driver was created
   std::string said_;       // first failure since the last frame; later failures are appended to it
@@ -130,7 +130,7 @@ class RadarDriver final : public Driver {
   // frame number of the first frame after sensorStop
   std::optional<std::uint32_t> frame_after_stop_;
   int open_ports_ = 0;
-  bool running_ = false, faulted_ = false, streaming_ = false, array_told_ = false;
+  bool running_ = false, faulted_ = false, streaming_ = false, array_reported_ = false;
   HostTime alive_{};             // time of the last frame, or time at which the sensor was started
   std::uint32_t discarded_ = 0;  // number of dropped frames that have not yet been reported as lost
   std::uint64_t connections_ = 0, configured_ = 0, restarted_ = 0, early_frames_ = 0,

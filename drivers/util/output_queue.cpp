@@ -16,7 +16,7 @@
 namespace echofuse {
 namespace {
 
-constexpr std::chrono::seconds patience{1};
+constexpr std::chrono::seconds max_pause{1};
 
 // Writes the whole string. Returns 0, or errno on failure.
 int write_all(int descriptor, std::string_view text) {
@@ -115,7 +115,7 @@ int OutputQueue::close() {
   s.changed.notify_all();
   // Waits at most one second for each message to be written.
   for (std::size_t before = s.written; !s.done; before = s.written)
-    if (!s.changed.wait_for(lock, patience, [&] { return s.done || s.written != before; })) break;
+    if (!s.changed.wait_for(lock, max_pause, [&] { return s.done || s.written != before; })) break;
   const auto [done, error] = std::pair(s.done, s.error);
   if (!done) s.texts.clear();
   lock.unlock();

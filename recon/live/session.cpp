@@ -11,7 +11,7 @@ namespace {
 
 namespace beast = boost::beast;
 namespace websocket = beast::websocket;
-constexpr auto patience = std::chrono::seconds(10);
+constexpr auto timeout = std::chrono::seconds(10);
 constexpr std::size_t max_marks = 8;  // maximum number of pending marks
 
 }  // namespace
@@ -35,7 +35,7 @@ void Session::start() {
   parser_.emplace();
   parser_->header_limit(max_header_bytes);
   parser_->body_limit(std::uint64_t{0});
-  beast::get_lowest_layer(stream_).expires_after(patience);
+  beast::get_lowest_layer(stream_).expires_after(timeout);
   http::async_read(stream_.next_layer(), buffer_, *parser_,
                    [self = shared_from_this()](beast::error_code error, std::size_t) {
                      if (!error) self->handle([&] { self->on_request(); });
@@ -64,7 +64,7 @@ void Session::on_request() {
 void Session::upgrade() {
   beast::get_lowest_layer(stream_).expires_never();
   stream_.set_option(websocket::stream_base::timeout{
-      .handshake_timeout = patience, .idle_timeout = patience, .keep_alive_pings = true});
+      .handshake_timeout = timeout, .idle_timeout = timeout, .keep_alive_pings = true});
   stream_.read_message_max(max_request_bytes);
   stream_.binary(true);
   stream_.auto_fragment(false);  // sends each message as one frame

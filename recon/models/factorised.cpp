@@ -98,26 +98,26 @@ void Factorised::learn_scale(const Matrix& features) {
 TrainingLog Factorised::fit(const Samples& train, const Samples& validation,
                             const FitOptions& options) {
   model_.background = train.scene->background;
-  Bodies seen = bodies_in(train), judged = bodies_in(validation);
+  Bodies seen = bodies_in(train), assessed = bodies_in(validation);
   if (seen.rows.size() < 2)
     throw Error(ExitCode::failed,
                 "fewer than two training records show a body in the depth map, the histogram and "
                 "the range profile");
   model_.nearest_m = nearest_m;
   learn_scale(seen.views);
-  for (Bodies* s : {&seen, &judged})
+  for (Bodies* s : {&seen, &assessed})
     for (std::size_t i = 0; i < s->views.rows; ++i) standardise(s->views.row(i), model_);
   RotatedBodies rotated(*train.alignment, train.inputs, *train.radar, *train.array, seen.rows,
                         seen.places);
   if (seen.rows.size() >= many_bodies) rotated.rotate_share(0.5);
-  TrainingLog log = fit_position(seen, rotated, judged, options);
+  TrainingLog log = fit_position(seen, rotated, assessed, options);
   fit_components(seen, train, options);
   if (model_.has_shapes)
-    log.interrupted |= fit_shape(seen, train, rotated, judged, validation, options);
-  if (judged.rows.empty())
+    log.interrupted |= fit_shape(seen, train, rotated, assessed, validation, options);
+  if (assessed.rows.empty())
     choose_threshold(seen, train);
   else
-    choose_threshold(judged, validation);
+    choose_threshold(assessed, validation);
   return log;
 }
 
@@ -158,13 +158,13 @@ Matrix Factorised::position_targets(const Bodies& seen) const {
 
 TrainingLog Factorised::fit_position(const Bodies& train, const RotatedBodies& rotated,
                                      const Bodies& validation, const FitOptions& options) {
-  const Matrix wanted = position_targets(train), judged = position_targets(validation);
-  const Rows rows = all_rows(train.rows.size()), judged_rows = all_rows(validation.rows.size());
+  const Matrix wanted = position_targets(train), assessed = position_targets(validation);
+  const Rows rows = all_rows(train.rows.size()), assessed_rows = all_rows(validation.rows.size());
   Training training = training_of(options);
   adapt_to(rows.size(), training);
   training.weights = {1, depth_weight};
   training.redraw = augment_positions(rotated);
-  return model_.place.fit({train.views, wanted, rows}, {validation.views, judged, judged_rows},
+  return model_.place.fit({train.views, wanted, rows}, {validation.views, assessed, assessed_rows},
                           Spread::each, training, place_networks, "position");
 }
 
@@ -186,13 +186,13 @@ bool Factorised::fit_shape(const Bodies& train, const Samples& train_samples,
                            const RotatedBodies& rotated, const Bodies& validation,
                            const Samples& validation_samples, const FitOptions& options) {
   const Matrix wanted = amounts(train, train_samples);
-  const Matrix judged = amounts(validation, validation_samples);
-  const Rows rows = all_rows(train.rows.size()), judged_rows = all_rows(validation.rows.size());
+  const Matrix assessed = amounts(validation, validation_samples);
+  const Rows rows = all_rows(train.rows.size()), assessed_rows = all_rows(validation.rows.size());
   Training training = training_of(options);
   adapt_to(rows.size(), training);
   training.redraw = augment_shapes(rotated);
   return model_.shape
-      .fit({train.views, wanted, rows}, {validation.views, judged, judged_rows}, Spread::common,
+      .fit({train.views, wanted, rows}, {validation.views, assessed, assessed_rows}, Spread::common,
            training, rows.size() >= many_records ? 1 : shape_networks, "shape")
       .interrupted;
 }

@@ -123,7 +123,7 @@ Rows unseen_rows(const TrainedModel& model, const Dataset& data) {
 }  // namespace
 
 DomainShift domain_shift_of(const TrainedModel& model, const Dataset& run) {
-  constexpr std::size_t max_judged = 200;
+  constexpr std::size_t max_assessed = 200;
   const Rows rows = unseen_rows(model, run);
   Dataset part;
   if (rows.size() < run.size()) {
@@ -137,11 +137,11 @@ DomainShift domain_shift_of(const TrainedModel& model, const Dataset& run) {
   Rows live, some;
   for (const std::size_t row : all)
     if (model.fault_of(data, row).empty()) live.push_back(row);
-  for (std::size_t i = 0; i < std::min(live.size(), max_judged); ++i)
-    some.push_back(live[i * live.size() / std::min(live.size(), max_judged)]);
+  for (std::size_t i = 0; i < std::min(live.size(), max_assessed); ++i)
+    some.push_back(live[i * live.size() / std::min(live.size(), max_assessed)]);
   std::map<std::string, std::size_t> reasons;
   for (const auto& u : predict(model, data, some).uncertainties) {
-    out.judged += u.stated;
+    out.assessed += u.stated;
     const std::string& reason = u.out_of_distribution.reason;
     if (!reason.empty() && (++out.flagged, ++reasons[reason] > reasons[out.reason]))
       out.reason = reason;

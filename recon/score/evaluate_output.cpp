@@ -66,10 +66,12 @@ json to_json(const Evaluation& e) {
     out["two_people"] = {
         {"records", two.records}, {"flagged", two.flagged}, {"text", to_text(two)}};
   if (e.domain_shift.tested())
-    out["domain_shift"] = {
-        {"p", e.domain_shift.p},           {"records", e.domain_shift.records},
-        {"judged", e.domain_shift.judged}, {"flagged", e.domain_shift.flagged},
-        {"found", e.domain_shift.found()}, {"text", e.tested + e.domain_shift.text()}};
+    out["domain_shift"] = {{"p", e.domain_shift.p},
+                           {"records", e.domain_shift.records},
+                           {"judged", e.domain_shift.assessed},
+                           {"flagged", e.domain_shift.flagged},
+                           {"found", e.domain_shift.found()},
+                           {"text", e.tested + e.domain_shift.text()}};
   out["notes"] = notes(e);
   out["calibrated"] = e.calibration.has_value();
   if (e.calibration)

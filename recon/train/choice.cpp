@@ -20,8 +20,8 @@ constexpr std::uint64_t fold_stream = 0x74756e65;  // "tune" in ASCII
 
 }  // namespace
 
-Choice::Choice(const SceneModel& judged_by, const Split& split, const SplitOptions& options)
-    : judged_by_(judged_by),
+Choice::Choice(const SceneModel& assessed_by, const Split& split, const SplitOptions& options)
+    : assessed_by_(assessed_by),
       split_(split),
       sequence_(options.kind == "blocked"),
       folds_(make_folds(split.train, folds, options, fold_stream)) {}
@@ -33,13 +33,13 @@ void Choice::add(const std::string& name, const Dataset& data, Fit fit) {
   for (const Split& fold : folds_) {
     entry.models.push_back(entry.fit(fold.train));
     const Estimator& model = entry.models.back();
-    scores.push_back(score_maps(model.maps(data, fold.test), data, fold.test, judged_by_));
+    scores.push_back(score_maps(model.maps(data, fold.test), data, fold.test, assessed_by_));
     if (interrupted()) throw Error(ExitCode::interrupted, "interrupted during cross-validation");
   }
   entry.row.metrics = summarise(scores, sequence_);
   for (const auto& fold : scores)
     for (const MapScores& map : fold)
-      entry.score.push_back(judged_by_.has_body()
+      entry.score.push_back(assessed_by_.has_body()
                                 ? map[metric_iou] - iou_a_metre * map[metric_lateral_m]
                                 : -map[metric_rmse_m]);
   entry.row.cost = entry.models.front().cost();

@@ -17,7 +17,7 @@ namespace echofuse::recon {
 // the constructor.
 class Choice {
  public:
-  Choice(const SceneModel& judged_by, const Split& split, const SplitOptions& options);
+  Choice(const SceneModel& assessed_by, const Split& split, const SplitOptions& options);
 
   using Fit = std::function<Estimator(const Rows& rows)>;
   // Adds a candidate: fits one model per fold and scores it on the held-out records. Throws
@@ -49,7 +49,7 @@ class Choice {
   static std::pair<double, double> gain_and_error(const Alternative& entry,
                                                   const Alternative& than);
 
-  const SceneModel& judged_by_;
+  const SceneModel& assessed_by_;
   const Split& split_;
   bool sequence_;
   std::vector<Split> folds_;

@@ -34,8 +34,8 @@ std::vector<double> lateral_errors(const Matrix& maps, const Matrix& truth,
 
 // Learns how much the errors increase if the radar profile was converted from a wider response
 // (WiderRadars).
-void learn_brought(LateralError& lateral, const Estimator& model, const Dataset& data,
-                   const Rows& usual, const std::vector<HeldOut>& judged, Rng& rng) {
+void learn_converted(LateralError& lateral, const Estimator& model, const Dataset& data,
+                     const Rows& usual, const std::vector<HeldOut>& assessed, Rng& rng) {
   // Maximum number of records per model. If 500 records are used, the fraction of errors within the
   // interval has a standard error of .013.
   constexpr std::size_t max_records = 500;
@@ -44,7 +44,7 @@ void learn_brought(LateralError& lateral, const Estimator& model, const Dataset&
   for (std::size_t k = 0; k < wider.size(); ++k) {
     Matrix predictors;
     std::vector<double> errors;
-    for (const HeldOut& part : judged) {
+    for (const HeldOut& part : assessed) {
       Rows some = part.rows;
       some.resize(std::min(some.size(), max_records));
       const Dataset records = wider.imitated(k, data, some, rng);
@@ -54,7 +54,7 @@ void learn_brought(LateralError& lateral, const Estimator& model, const Dataset&
       const auto more = lateral_errors(made, records.depth(), model.scene);
       errors.insert(errors.end(), more.begin(), more.end());
     }
-    lateral.add_brought(wider.times_wider(k), predictors, errors);
+    lateral.add_converted(wider.times_wider(k), predictors, errors);
   }
 }
 
@@ -95,7 +95,7 @@ bool has_enough_records(const Split& split) {
 }
 
 UncertaintyModel fit_uncertainty(const Estimator& model, const Dataset& data, const Matrix& views,
-                                 const Rows& usual, const std::vector<HeldOut>& judged,
+                                 const Rows& usual, const std::vector<HeldOut>& assessed,
                                  std::uint64_t seed) {
   UncertaintyModel out;
   const Inputs inputs = model.features.inputs;
@@ -108,7 +108,7 @@ UncertaintyModel fit_uncertainty(const Estimator& model, const Dataset& data, co
   // Predicts the maps of all held-out records: first those of the unmodified records, then those of
   // degraded copies.
   for (std::size_t copy = 0; copy <= worse_copies; ++copy)
-    for (const HeldOut& part : judged) {
+    for (const HeldOut& part : assessed) {
       Dataset records = part_of(data, part.rows);
       const Rows all = all_rows(part.rows.size());
       const bool plain = copy == 0;
@@ -125,7 +125,7 @@ UncertaintyModel fit_uncertainty(const Estimator& model, const Dataset& data, co
       append_rows(soft.depth, own.depth);
     }
   out.lateral.fit(predictors, errors, maps.rows);
-  learn_brought(out.lateral, model, data, usual, judged, rng);
+  learn_converted(out.lateral, model, data, usual, assessed, rng);
   std::vector<double> lateral_interval_90_m;
   for (std::size_t i = 0; i < maps.rows; ++i)
     lateral_interval_90_m.push_back(out.lateral(predictors.row(i)));
@@ -149,7 +149,7 @@ std::optional<UncertaintyModel> fit_uncertainty(const Estimator& model, const Da
   std::vector<Split> folds = make_folds(rows, few ? 4 : 2, options, fold_stream);
   if (!few) folds.resize(1);  // the errors of one half of the records are sufficient
   std::vector<Estimator> models;
-  std::vector<HeldOut> judged;
+  std::vector<HeldOut> assessed;
   models.reserve(folds.size());
   for (const Split& fold : folds) {
     Split part;
@@ -160,9 +160,9 @@ std::optional<UncertaintyModel> fit_uncertainty(const Estimator& model, const Da
     std::sort(part.train.begin(), part.train.end());
     models.push_back(fit(part));
     if (interrupted()) return {};
-    judged.push_back({models.back(), fold.test});
+    assessed.push_back({models.back(), fold.test});
   }
-  return fit_uncertainty(model, data, views, rows, judged, seed);
+  return fit_uncertainty(model, data, views, rows, assessed, seed);
 }
 
 }  // namespace echofuse::recon

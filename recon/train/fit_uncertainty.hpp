@@ -26,7 +26,7 @@ struct HeldOut {
 // Journal 21, C1, 2018). Row i of `views` belongs to record i of `data`. `usual`: rows that count
 // as in distribution.
 UncertaintyModel fit_uncertainty(const Estimator& model, const Dataset& data, const Matrix& views,
-                                 const Rows& usual, const std::vector<HeldOut>& judged,
+                                 const Rows& usual, const std::vector<HeldOut>& assessed,
                                  std::uint64_t seed);
 // Returns the uncertainty, or std::nullopt after an interrupt. It is fitted to maps made by
 //   - the model itself, if `split` has at least `enough_validation` validation records;

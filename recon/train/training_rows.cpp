@@ -146,8 +146,8 @@ std::string alike_neighbours(const Dataset& data, const Rows& rows) {
   const auto apart = [&](std::size_t i, std::size_t k) {
     return distance(maps.row(i), maps.row(k));
   };
-  std::size_t judged = 0, alike = 0;
-  for (std::size_t i = 1; i + 1 < rows.size(); i += rows.size() / sample + 1, ++judged) {
+  std::size_t assessed = 0, alike = 0;
+  for (std::size_t i = 1; i + 1 < rows.size(); i += rows.size() / sample + 1, ++assessed) {
     const double near = std::min(apart(i, i - 1), apart(i, i + 1));
     bool nearest = true;
     // Compares row i with distant rows, which are at least an eighth of all rows away.
@@ -156,36 +156,36 @@ std::string alike_neighbours(const Dataset& data, const Rows& rows) {
           near < apart(i, (i + rows.size() / 8 + k * rows.size() * 3 / 4 / others) % rows.size());
     alike += nearest;
   }
-  if (static_cast<double>(alike) <= max_share * static_cast<double>(judged)) return {};
+  if (static_cast<double>(alike) <= max_share * static_cast<double>(assessed)) return {};
   return format(
       "consecutive records are alike: for %zu of %zu records, the depth map of an adjacent record "
       "is more similar than those of %zu distant records; a random split gives optimistic scores; "
       "use --split blocked",
-      alike, judged, others);
+      alike, assessed, others);
 }
 
 std::string recurring_scenes(const Dataset& data, const Split& split, const SceneModel& scene) {
   constexpr std::size_t sample = 100, least = 5;
   constexpr double min_gap = 3, max_share = 0.5;
-  Rows judged;
+  Rows assessed;
   const std::size_t step = split.test.size() / sample + 1;
   for (std::size_t i = 0; i < split.test.size(); i += step)
-    if (shows_body(data.depth().row(split.test[i]), scene)) judged.push_back(split.test[i]);
-  if (judged.size() < least) return {};
-  const Matrix maps = sampled(data, judged), training = sampled(data, split.train);
-  std::vector<double> gaps(judged.size());
-  for_each_part(judged.size(), [&](std::size_t i) {
+    if (shows_body(data.depth().row(split.test[i]), scene)) assessed.push_back(split.test[i]);
+  if (assessed.size() < least) return {};
+  const Matrix maps = sampled(data, assessed), training = sampled(data, split.train);
+  std::vector<double> gaps(assessed.size());
+  for_each_part(assessed.size(), [&](std::size_t i) {
     std::vector<double> distances(training.rows);
     for (std::size_t k = 0; k < training.rows; ++k)
       distances[k] = distance(maps.row(i), training.row(k));
     gaps[i] = greatest_gap(std::move(distances));
   });
   const auto recur = std::ranges::count_if(gaps, [](double gap) { return gap > min_gap; });
-  if (static_cast<double>(recur) <= max_share * static_cast<double>(judged.size())) return {};
+  if (static_cast<double>(recur) <= max_share * static_cast<double>(assessed.size())) return {};
   return format(
       "scenes recur: %td of %zu held-out depth maps are much closer to a training map than maps of "
       "independent scenes are; the scores are optimistic; evaluate on a run of other scenes",
-      recur, judged.size());
+      recur, assessed.size());
 }
 
 }  // namespace echofuse::recon

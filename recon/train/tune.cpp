@@ -95,10 +95,10 @@ Tuning without_training(Tuning tuning) {
 
 // Returns the background that gives a better score with the unchanged networks. The learnt
 // background is chosen only if it is better by one standard error.
-BackgroundSource better_room(const Start& start, const SceneModel& judged_by, const Split& split,
+BackgroundSource better_room(const Start& start, const SceneModel& assessed_by, const Split& split,
                              const TuneOptions& options) {
   if (!wants_alignment(start.model->name) || !options.only.empty()) return BackgroundSource::kept;
-  Choice choice(judged_by, split, options.split);
+  Choice choice(assessed_by, split, options.split);
   for (const BackgroundSource room : {BackgroundSource::kept, BackgroundSource::learnt})
     choice.add("background", start.data, [&, room](const Rows& rows) {
       return adapt(start.model.first(), start.data, rows, room, without_training(options.tuning),
@@ -162,7 +162,7 @@ TrainingRows rows_of(const std::vector<Start>& starts) {
 // Adds the alignment to the chosen model. If there are enough records, also adds the domain test
 // and the uncertainty.
 void finish(Estimator& model, const Dataset& data, const Split& split,
-            const std::vector<HeldOut>& judged, std::uint64_t seed) {
+            const std::vector<HeldOut>& assessed, std::uint64_t seed) {
   const Rows all = all_rows(data.size());
   const Inputs inputs = model.features.inputs;
   const bool has_spd = inputs != Inputs::radar;
@@ -177,7 +177,7 @@ void finish(Estimator& model, const Dataset& data, const Split& split,
   const Matrix views = model.views(data, all, true);
   if (domain) model.domain = DomainReference(model.alignment, data, views, split.train, inputs);
   if (uncertainty)
-    model.uncertainty = fit_uncertainty(model, data, views, split.train, judged, seed);
+    model.uncertainty = fit_uncertainty(model, data, views, split.train, assessed, seed);
 }
 
 // Keeps the uncertainty and the domain reference of an unchanged estimator, because they were
@@ -260,13 +260,13 @@ TunedModel tune(const std::vector<Start>& starts, const TuneOptions& options) {
     throw Error(ExitCode::failed,
                 std::to_string(rows.size()) + " usable records; tuning needs at least 10");
   const Split split = make_split(rows, options.split);
-  const SceneModel judged_by =
+  const SceneModel assessed_by =
       scene_for(starts.front().model.first(), starts.front().data, split.train);
-  Choice choice(judged_by, split, options.split);
+  Choice choice(assessed_by, split, options.split);
   // Index of the first candidate of each start model, then the number of candidates.
   std::vector<std::size_t> first{0};
   for (const Start& start : starts) {
-    try_all(choice, start, split, options, better_room(start, judged_by, split, options),
+    try_all(choice, start, split, options, better_room(start, assessed_by, split, options),
             first.back() == 0);
     first.push_back(choice.size());
   }

@@ -142,7 +142,7 @@ std::string range_advice(double difference_m, double error_m) {
 }  // namespace
 
 bool DomainShift::mostly_flagged() const {
-  return judged >= DomainReference::min_records && 2 * flagged > judged;
+  return assessed >= DomainReference::min_records && 2 * flagged > assessed;
 }
 
 std::string DomainShift::text() const {
@@ -154,7 +154,7 @@ std::string DomainShift::text() const {
   if (p >= max_p || differences.empty())
     return format(
         "this run differs from the training data: %zu of %zu records are unusual (most: %s)",
-        flagged, judged, reason.c_str());
+        flagged, assessed, reason.c_str());
   std::string all;
   for (const Difference& d : differences) all += (all.empty() ? ": " : ", ") + d.text;
   return "this run differs from the training data: " + p_text + all +

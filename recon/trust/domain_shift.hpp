@@ -36,7 +36,7 @@ struct DomainShift {
   std::string advice;                   // possible cause and remedy; may be empty
   // Number of records tested individually, and number of those flagged as out of distribution.
   // `reason`: the most frequent reason.
-  std::size_t judged = 0, flagged = 0;
+  std::size_t assessed = 0, flagged = 0;
   std::string reason{};
   bool tested() const { return records > 0 || mostly_flagged(); }
   // Returns true if the run differs from the training data. A significant difference must also

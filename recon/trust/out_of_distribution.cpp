@@ -136,7 +136,7 @@ OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
   std::vector<StatisticValues> held;
   std::vector<bool> held_two;
   const WiderRadars wider(data, rows, inputs);
-  std::vector<std::vector<StatisticValues>> held_brought(wider.size());
+  std::vector<std::vector<StatisticValues>> held_converted(wider.size());
   for (std::size_t part = few ? 0 : parts - 1; part < parts; ++part) {
     const Split fold = make_fold(order, part, parts, 0);
     learn(fold.train);
@@ -145,15 +145,15 @@ OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
     for (std::size_t k = 0; k < wider.size(); ++k) {
       Rows some;
       for (const std::size_t i : fold.test) some.push_back(rows[i]);
-      const Matrix brought = describe_all(wider.imitated(k, data, some, rng), sensors, alignment);
-      for (std::size_t i = 0; i < brought.rows; ++i)
-        held_brought[k].push_back(find(brought.row(i)));
+      const Matrix converted = describe_all(wider.imitated(k, data, some, rng), sensors, alignment);
+      for (std::size_t i = 0; i < converted.rows; ++i)
+        held_converted[k].push_back(find(converted.row(i)));
     }
   }
   if (few) learn(order);
   limits_ = limits_of(held, held_two);
   for (std::size_t k = 0; k < wider.size(); ++k)
-    brought_.push_back({wider.times_wider(k), limits_of(held_brought[k], held_two)});
+    converted_.push_back({wider.times_wider(k), limits_of(held_converted[k], held_two)});
 }
 
 std::vector<float> OutOfDistributionDetector::describe(std::span<const float> view,
@@ -239,7 +239,7 @@ OutOfDistributionDetector::Limits OutOfDistributionDetector::limits_of(
 OutOfDistributionDetector::Limits OutOfDistributionDetector::limits_for(double times_wider) const {
   Limits out = limits_;
   double from = 1;
-  for (const LimitsAtWidth& next : brought_) {
+  for (const LimitsAtWidth& next : converted_) {
     const double t = std::clamp((times_wider - from) / (next.times_wider - from), 0., 1.);
     for (std::size_t s = 0; s < statistics; ++s)
       out[s] = {std::lerp(out[s].usual, next.limits[s].usual, t),
@@ -308,17 +308,17 @@ void OutOfDistributionDetector::archive(Archive archive, const Features& of_mode
   Archive of_two = archive.in("two_bodies");
   if (of_two.part("known", two_bodies_.known())) two_bodies_.archive(of_two, first_[range + 1]);
   OutOfDistributionDetector::archive(archive, limits_);
-  std::size_t brought = brought_.size();
-  archive.count("brought", brought, 0, 16);
-  brought_.resize(brought);
+  std::size_t converted = converted_.size();
+  archive.count("brought", converted, 0, 16);
+  converted_.resize(converted);
   double narrower = 1;
-  for (std::size_t k = 0; k < brought; ++k) {
+  for (std::size_t k = 0; k < converted; ++k) {
     Archive one = archive.in("brought_" + std::to_string(k));
-    double& times_wider = brought_[k].times_wider;
+    double& times_wider = converted_[k].times_wider;
     one.number("times_wider", times_wider, 1, 1e3);
     archive.require(times_wider > narrower, "times_wider", "expected ascending values above 1");
     narrower = times_wider;
-    OutOfDistributionDetector::archive(one, brought_[k].limits);
+    OutOfDistributionDetector::archive(one, converted_[k].limits);
   }
   archive.number("nearest_m", nearest_m_, -1e18, 1e18);
   archive.number("farthest_m", farthest_m_, -1e18, 1e18);

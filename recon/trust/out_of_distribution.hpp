@@ -115,7 +115,7 @@ class OutOfDistributionDetector {
   Classifier two_bodies_;
   Limits limits_;
   // Limits for converted records, in order of increasing response width.
-  std::vector<LimitsAtWidth> brought_;
+  std::vector<LimitsAtWidth> converted_;
   double nearest_m_ = 0, farthest_m_ = 0, max_clicks_per_start_ = 0, share_with_body_ = 0;
 };
 

@@ -124,22 +124,22 @@ void LateralError::fit(const Matrix& predictors, const std::vector<double>& erro
   factor_ = factor_of(std::move(ratios));
 }
 
-void LateralError::add_brought(double times_wider, const Matrix& predictors,
-                               const std::vector<double>& error_m) {
+void LateralError::add_converted(double times_wider, const Matrix& predictors,
+                                 const std::vector<double>& error_m) {
   std::vector<double> ratios;
   for (std::size_t i = 0; i < predictors.rows && !weights_.empty(); ++i)
     if (!std::isnan(error_m[i]))
       ratios.push_back(error_m[i] / std::exp(product(terms_of(predictors.row(i)), weights_)));
   if (ratios.size() < min_records) return;
-  brought_times_wider_.push_back(times_wider);
-  brought_factor_.push_back(factor_of(std::move(ratios)));
+  converted_times_wider_.push_back(times_wider);
+  converted_factor_.push_back(factor_of(std::move(ratios)));
 }
 
 double LateralError::factor_for(double times_wider) const {
   double out = factor_, from = 1;
-  for (std::size_t k = 0; k < brought_factor_.size(); ++k) {
-    const double t = std::clamp((times_wider - from) / (brought_times_wider_[k] - from), 0., 1.);
-    out = std::lerp(out, brought_factor_[k], t), from = brought_times_wider_[k];
+  for (std::size_t k = 0; k < converted_factor_.size(); ++k) {
+    const double t = std::clamp((times_wider - from) / (converted_times_wider_[k] - from), 0., 1.);
+    out = std::lerp(out, converted_factor_[k], t), from = converted_times_wider_[k];
   }
   return out;
 }
@@ -154,13 +154,13 @@ void LateralError::archive(Archive archive, std::size_t predictors) {
   if (!archive.part("known", !weights_.empty())) return;
   const std::size_t n = predictors;
   archive.number("factor", factor_, 0, 1e18);
-  std::size_t brought = brought_factor_.size();
-  archive.count("brought", brought, 0, 16);
-  archive.values("brought_times_wider", brought_times_wider_, brought);
-  archive.values("brought_factor", brought_factor_, brought);
-  for (std::size_t k = 0; k < brought; ++k)
-    archive.require(brought_times_wider_[k] > (k > 0 ? brought_times_wider_[k - 1] : 1) &&
-                        brought_factor_[k] >= 0,
+  std::size_t converted = converted_factor_.size();
+  archive.count("brought", converted, 0, 16);
+  archive.values("brought_times_wider", converted_times_wider_, converted);
+  archive.values("brought_factor", converted_factor_, converted);
+  for (std::size_t k = 0; k < converted; ++k)
+    archive.require(converted_times_wider_[k] > (k > 0 ? converted_times_wider_[k - 1] : 1) &&
+                        converted_factor_[k] >= 0,
                     "brought_times_wider", "expected ascending values above 1");
   archive.values("weights", weights_, (n + 1) * (n + 2) / 2);
   archive.values("least", least_, n);

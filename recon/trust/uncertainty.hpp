@@ -55,8 +55,8 @@ class LateralError {
   // Learns the factor for a radar response that is `times_wider` times as wide as that of the
   // training data, from imitated validation records. Must be called in order of increasing width.
   // The factor is interpolated between widths.
-  void add_brought(double times_wider, const Matrix& predictors,
-                   const std::vector<double>& error_m);
+  void add_converted(double times_wider, const Matrix& predictors,
+                     const std::vector<double>& error_m);
   // Returns the 90 % quantile of the lateral error, m; NaN if nothing was learnt or the map has no
   // foreground.
   double operator()(std::span<const float> predictors, double times_wider = 1) const;
@@ -70,7 +70,7 @@ class LateralError {
   std::vector<float> least_, most_;  // smallest and largest value of each predictor
   std::vector<double> weights_;
   double factor_ = 0;
-  std::vector<double> brought_times_wider_, brought_factor_;
+  std::vector<double> converted_times_wider_, converted_factor_;
 };
 
 // Uncertainty of one reconstructed map.

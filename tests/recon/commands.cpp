@@ -156,14 +156,14 @@ TEST_CASE("models with different sensors are compared only on records that all o
         })
       .radar(radar_axis(32))
       .write(dir / "fresh");
-  const auto judged = [&](const std::string& words) {
+  const auto assessed = [&](const std::string& words) {
     const Outcome o = recon_program("-q evaluate --json " + words + (dir / "fresh") +
                                     " --per-record " + (dir / "table.csv"));
     CAPTURE(o.text);
     REQUIRE(o.code == 0);
     return nlohmann::json::parse(o.text);
   };
-  const nlohmann::json all = judged(models);
+  const nlohmann::json all = assessed(models);
   for (const auto& row : all["rows"]) CHECK(row["records"] == 45);
   CHECK(all["rows"][1]["left_out"] == 15);
   CHECK(all["paired"][0]["metrics"]["iou"]["records"] == 45);
@@ -182,10 +182,10 @@ TEST_CASE("models with different sensors are compared only on records that all o
   CHECK((iou["low"] < mean && mean < iou["high"]));
   // A model that uses only the SPD can evaluate all 60 records. If a model is compared with itself,
   // both scores are equal.
-  CHECK(judged(dir / "spd ")["records"] == 60);
-  const nlohmann::json twice = judged((dir / "fused ") + (dir / "fused "));
+  CHECK(assessed(dir / "spd ")["records"] == 60);
+  const nlohmann::json twice = assessed((dir / "fused ") + (dir / "fused "));
   CHECK(twice["rows"][0]["metrics"] == twice["rows"][1]["metrics"]);
-  CHECK(twice["metrics"] == judged(dir / "fused ")["metrics"]);
+  CHECK(twice["metrics"] == assessed(dir / "fused ")["metrics"]);
   CHECK(twice["paired"][0]["metrics"]["iou"]["high"] == 0);
 }
 

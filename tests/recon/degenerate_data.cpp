@@ -109,10 +109,10 @@ TEST_CASE(
       if (name == "auto") o.candidates = {"empty", "mean", "factorised-4", "ridge", "nearest"};
       try {
         const TrainedModel model = train(data, o);
-        for (const Dataset* judged : {&data, &others}) {
-          const Rows rows = rows_to_evaluate(model, *judged, true);
-          CHECK(all_finite(model.predict(*judged, rows).values));
-          const Records records = prepare_records(model, *judged);
+        for (const Dataset* assessed : {&data, &others}) {
+          const Rows rows = rows_to_evaluate(model, *assessed, true);
+          CHECK(all_finite(model.predict(*assessed, rows).values));
+          const Records records = prepare_records(model, *assessed);
           const Evaluation e = evaluate(model, records, rows);
           // One model is enough to test the baselines, because the baselines do not depend on the
           // model.
@@ -120,8 +120,9 @@ TEST_CASE(
             const Rows seen = model.rows_of(data, Subset::train);
             // The nearest-neighbour baseline is left out if all evaluated records are copies of
             // training records.
-            const auto baselines = score_baselines(*judged, rows, model->scene, data, seen).size();
-            CHECK((baselines == 3 || (judged == &data && baselines == 2)));
+            const auto baselines =
+                score_baselines(*assessed, rows, model->scene, data, seen).size();
+            CHECK((baselines == 3 || (assessed == &data && baselines == 2)));
           }
           CHECK(std::isfinite(e.metrics[metric_rmse_m].mean));
         }
@@ -169,10 +170,10 @@ TEST_CASE(
         continue;
       }
       REQUIRE(trained.code == 0);
-      const Outcome judged =
+      const Outcome assessed =
           recon_program("evaluate --all --json " + (dir / "m") + " " + (dir / run));
-      CHECK(judged.code == 0);
-      CHECK_THAT(judged.text, !Catch::Contains("\"rmse_m\": null"));
+      CHECK(assessed.code == 0);
+      CHECK_THAT(assessed.text, !Catch::Contains("\"rmse_m\": null"));
       const Outcome made = recon_program("reconstruct -q " + (dir / "m") + " " + (dir / run) +
                                          " --out " + (dir / ("maps-" + model + run)));
       CAPTURE(made.text);

@@ -81,7 +81,7 @@ TEST_CASE("the domain-shift test ignores sensor gains and skips runs with few re
 TEST_CASE("a run with mostly flagged records is reported as different from the training data") {
   const TrainedModel& model = trained("mean-shape", "fused");
   const DomainShift all = shift_of(model, plates(30, 10, without_body));
-  CAPTURE(all.text(), all.flagged, all.judged);
+  CAPTURE(all.text(), all.flagged, all.assessed);
   CHECK(all.found());
   CHECK_THAT(all.text(), Catch::StartsWith("this run differs from the training data: ") &&
                              Catch::Contains("of 30 records are unusual ("));

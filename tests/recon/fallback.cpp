@@ -88,7 +88,7 @@ TEST_CASE("the domain-shift test counts only records that have a predicted uncer
   a_run(30, 2, [](FusedRecord& r) {
     if (r.index % 3 == 0) lose_radar(r);
   }).write(dir / "run");
-  CHECK(domain_shift_of(model, load({dir / "run"})).judged == 20);
+  CHECK(domain_shift_of(model, load({dir / "run"})).assessed == 20);
 }
 
 TEST_CASE("reconstruct and evaluate report maps that were predicted from the SPD alone") {

@@ -77,9 +77,9 @@ TEST_CASE(
     const auto json =
         nlohmann::json::parse(recon_program("evaluate -q --json " + m + " " + (dir / "run")).text);
     CHECK(json["metrics"]["iou"]["mean"].get<double>() > 0.2);
-    const Outcome judged = recon_program("evaluate " + m + " " + (dir / "other"));
-    CHECK(judged.code == 1);
-    CHECK_THAT(judged.text,
+    const Outcome assessed = recon_program("evaluate " + m + " " + (dir / "other"));
+    CHECK(assessed.code == 1);
+    CHECK_THAT(assessed.text,
                Catch::Contains("depth maps have 64 x 64 pixels, |x/z| up to 0.55, depth up to 6 m; "
                                "the model has 24 x 24 pixels, |x/z| up to 0.55, depth up to 6 m"));
     const Outcome drawn = recon_program("reconstruct -q " + m + " " + (dir / "other") + out);

@@ -152,7 +152,7 @@ TEST_CASE("written maps get the same scores as their model, and invalid map file
   REQUIRE(recon_program("reconstruct -q --format npy,mm " + model_file + " " + (dir / "fresh") +
                         " --out " + (dir / "o"))
               .code == 0);
-  const auto judged = [&](const std::string& what) {
+  const auto assessed = [&](const std::string& what) {
     const Outcome o =
         recon_program("-q evaluate --json " + what + " " + (dir / "fresh") + " --train " + run);
     CAPTURE(o.text);
@@ -160,7 +160,7 @@ TEST_CASE("written maps get the same scores as their model, and invalid map file
     const auto json = nlohmann::json::parse(o.text.substr(o.text.find("{\n")));
     return std::pair(json["metrics"], json["trivial"]);
   };
-  const auto model = judged(model_file), maps = judged("--maps " + (dir / "o"));
+  const auto model = assessed(model_file), maps = assessed("--maps " + (dir / "o"));
   CHECK(model == maps);
   const auto refused = [&](const std::string& script, const std::string& said) {
     std::filesystem::remove_all(dir / "bad");
@@ -223,8 +223,8 @@ TEST_CASE("reconstruct --rows processes only the listed or the held-out records"
   CHECK_THAT(csv, Catch::Contains("\n3,\"ok\",") && Catch::Contains("\n7,\"ok\","));
   REQUIRE(reconstruct(trained_on, "--rows test --out " + (dir / "test")).code == 0);
   const std::string held_out = contents(dir / "test/records.csv");
-  const Outcome judged = recon_program("-q evaluate --json " + model + " " + trained_on);
-  CHECK(nlohmann::json::parse(judged.text)["records"] ==
+  const Outcome assessed = recon_program("-q evaluate --json " + model + " " + trained_on);
+  CHECK(nlohmann::json::parse(assessed.text)["records"] ==
         std::count(held_out.begin(), held_out.end(), '\n') - 1);
   const auto refused = [&](const std::string& run, const std::string& rows, int code,
                            const std::string& text) {
@@ -247,17 +247,17 @@ TEST_CASE("a model compared with maps is scored only on records that were not us
   REQUIRE(
       recon_program("reconstruct -q --format npy " + model + " " + run + " --out " + (dir / "o"))
           .code == 0);
-  const auto judged = [&](const std::string& options) {
+  const auto assessed = [&](const std::string& options) {
     const Outcome o = recon_program("-q evaluate --json " + options + " " + model + " " + run);
     CAPTURE(o.text);
     REQUIRE(o.code == 0);
     return nlohmann::json::parse(o.text.substr(o.text.find("{\n")));
   };
-  const auto beside = judged("--maps " + (dir / "o")), alone = judged("");
+  const auto beside = assessed("--maps " + (dir / "o")), alone = assessed("");
   CHECK(beside["records"] == alone["records"]);
   CHECK(beside["records"] < 20);
   CHECK(beside["rows"][1]["metrics"] == alone["metrics"]);
-  CHECK(judged("--all --maps " + (dir / "o"))["records"] == 120);
+  CHECK(assessed("--all --maps " + (dir / "o"))["records"] == 120);
 }
 
 TEST_CASE("the written point cloud, array and picture contain the same depth map") {

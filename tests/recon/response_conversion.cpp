@@ -175,11 +175,11 @@ TEST_CASE(
   const WiderRadars wider(plain, all, Inputs::fused);
   REQUIRE(wider.size() >= 2);
   for (std::size_t k = 0; k < 2; ++k) {
-    Dataset brought = noisy(wider_responses(sinc)[k]);
-    convert(brought, sinc);
-    CHECK(brought.times_wider(0) == Approx(wider.times_wider(k)));
-    CHECK(noise_of(brought) > 1.5f * deviation);
-    CHECK(noise_of(wider.imitated(k, plain, all, rng)) == Approx(noise_of(brought)).epsilon(0.2));
+    Dataset converted = noisy(wider_responses(sinc)[k]);
+    convert(converted, sinc);
+    CHECK(converted.times_wider(0) == Approx(wider.times_wider(k)));
+    CHECK(noise_of(converted) > 1.5f * deviation);
+    CHECK(noise_of(wider.imitated(k, plain, all, rng)) == Approx(noise_of(converted)).epsilon(0.2));
   }
   CHECK(WiderRadars(plain, all, Inputs::spd).size() == 0);
 }

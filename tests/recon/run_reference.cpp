@@ -18,7 +18,7 @@ TEST_CASE("scores use the foreground and background of the evaluated run, not th
   a_run(160).write(dir / "open");
   a_run(160, 2, wall).write(dir / "room");
   a_run(60, 3, wall).write(dir / "fresh");
-  const auto judged = [&](const std::string& trained_on, const std::string& options) {
+  const auto assessed = [&](const std::string& trained_on, const std::string& options) {
     const std::string model = dir / ("of-" + trained_on);
     if (!std::filesystem::exists(model))
       REQUIRE(
@@ -30,9 +30,9 @@ TEST_CASE("scores use the foreground and background of the evaluated run, not th
     return nlohmann::json::parse(o.text.substr(o.text.find("{\n")))["trivial"];
   };
   const std::string train = " --train " + (dir / "room");
-  CHECK(judged("open", train) == judged("room", train));
-  const auto open = judged("open", "")["empty"]["ssim"]["mean"],
-             home = judged("room", "")["empty"]["ssim"]["mean"];
+  CHECK(assessed("open", train) == assessed("room", train));
+  const auto open = assessed("open", "")["empty"]["ssim"]["mean"],
+             home = assessed("room", "")["empty"]["ssim"]["mean"];
   CHECK(open.get<double>() == Approx(home.get<double>()).margin(0.01));
   CHECK(home.get<double>() > 0.5);
   CHECK_THAT(recon_program("evaluate " + (dir / "of-open") + " " + (dir / "fresh")).text,
