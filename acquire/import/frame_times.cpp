@@ -3,12 +3,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <optional>
 #include <set>
 #include <utility>
 
 #include "acquire/intake/clock_fit.hpp"
+#include "drivers/util/format.hpp"
 
 namespace echofuse::acquire {
 namespace {
@@ -23,26 +23,24 @@ constexpr double late_s = 0.02, other_rate = 5e-4;
 // Longest time between two members of a chain: `other_rate` then allows 0.2 s.
 constexpr double longest_link_s = 400;
 
-std::string fixed(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.2f", value);
-  return text;
-}
+std::string fixed(double value) { return format("%.2f", value); }
 
 // A frame that is not a copy.
 struct Entry {
   std::size_t frame;  // index of the frame in the recording
   FrameHeader header;
-  bool stands = false;       // true: the clock shows the same time as in the previous frame
-  bool member = false;       // true: the frame belongs to a valid chain
-  std::uint64_t length = 1;  // number of frames in the longest chain that ends here
-  double deviation_s = 0;    // sum of the clock deviations in that chain
+  bool stands = false;  // true: the clock shows the same time as in the previous frame
+  bool member = false;  // true: the frame belongs to a valid chain
+  // The best chain that ends here: number of frames, twice this number minus the number of frames
+  // that it leaves out, and sum of the clock deviations.
+  std::uint64_t length = 1;
+  std::int64_t score = 2;
+  double deviation_s = 0;
   std::size_t previous = 0;  // its previous and first entries
   std::size_t first = 0;
   bool restarts = false;   // true: the board restarted before the frame
   bool by_number = false;  // true: the number is right, and the clock reading is not
   double at_s = 0;
-  std::uint32_t position = header.position;  // without damage
 };
 
 class Fit {
@@ -82,7 +80,8 @@ class Fit {
           last && (i + 1 == frames_.size() || frames_[i + 1].position <= last->position);
       const bool back = last && f.position < last->position && f.position <= first && confirmed;
       if (!last || back) seen.clear(), first = f.position;
-      first = std::min(first, f.position);
+      // The first number may be damaged.
+      if (seen.size() < 3) first = std::min(first, f.position);
       times_.copy[i] = repeats || !seen.emplace(f.position, f.cycles).second;
       times_.copies += times_.copy[i];
       if (times_.copy[i]) continue;
@@ -95,12 +94,14 @@ class Fit {
     return to.header.position - from.header.position;
   }
   std::uint32_t usual() const { return 101 * subframes_; }
+  // A larger step between two numbers starts a new numbering.
+  std::uint32_t farthest() const { return subframes_ << 20; }
 
   // Returns the time between two frames if the clock confirms the numbers. A constant clock
   // confirms nothing: the time then follows from the numbers.
   std::optional<double> link_s(const Entry& from, const Entry& to) const {
     const std::uint32_t count = steps(from, to);
-    if (count == 0 || count >= subframes_ << 20) return std::nullopt;
+    if (count == 0 || count >= farthest()) return std::nullopt;
     const double expected_s = count * period_s_;
     if (from.header.cycles == to.header.cycles)
       return count <= usual() ? std::optional(expected_s) : std::nullopt;
@@ -111,39 +112,49 @@ class Fit {
     return std::abs(passed_s - expected_s) < tolerance_s ? std::optional(passed_s) : std::nullopt;
   }
 
-  // Chains with the same number of frames are compared by their clock deviations.
+  // The score of a chain decreases with each frame that it leaves out, so that it does not link the
+  // numbers before a restart to those after it. Of equal chains the one with clearly smaller
+  // clock deviations is better, then the one that leaves out fewer frames last.
   void link_entries() {
     for (std::size_t i = 0; i < entries_.size(); ++i) {
       Entry& e = entries_[i];
-      e.length = 1, e.deviation_s = 0, e.previous = e.first = i, e.member = false;
+      e.length = 1, e.score = 2, e.deviation_s = 0, e.previous = e.first = i, e.member = false;
       for (std::size_t back = 1; back <= std::min(i, max_damaged + 1); ++back) {
         const Entry& from = entries_[i - back];
         const double expected_s = steps(from, e) * period_s_;
-        if (from.length + 1 < e.length || expected_s > longest_link_s) continue;
+        const std::int64_t score = from.score + 3 - static_cast<std::int64_t>(back);
+        if (score < e.score || expected_s > longest_link_s) continue;
         const std::optional<double> link = link_s(from, e);
         if (!link) continue;
         const double deviation_s = from.deviation_s + std::abs(*link - expected_s);
-        if (from.length + 1 == e.length && deviation_s >= e.deviation_s) continue;
-        e.length = from.length + 1, e.deviation_s = deviation_s;
+        if (score == e.score && (e.length == 1 || deviation_s > e.deviation_s - late_s)) continue;
+        e.length = from.length + 1, e.score = score, e.deviation_s = deviation_s;
         e.previous = i - back, e.first = from.first;
       }
     }
   }
 
   bool renumbers(const Entry& before, const Entry& after) const {
-    return steps(before, after) - 1 >= subframes_ << 20;
+    return steps(before, after) - 1 >= farthest();
   }
 
-  // A shorter chain is valid if it continues the chain before it, or starts a new numbering before
-  // the next chain. A clock that continues after an old number shows that the numbers are damaged.
+  // Returns true if the clock has advanced by one period for each entry.
+  bool continues(std::size_t from, std::size_t to) const {
+    const double passed_s = tick_s * (entries_[to].header.cycles - entries_[from].header.cycles);
+    const double expected_s = static_cast<double>(to - from) * period_s_;
+    return std::abs(passed_s - expected_s) <= late_s + period_s_ / 2;
+  }
+
+  // A shorter chain is valid if it continues the chain before it, or if the numbering starts again
+  // before or after it. A clock that continues shows that the numbers are damaged instead.
   bool confirmed(const Chain& chain, const Chain* before, const Chain* after) const {
-    const Entry& first = entries_[chain.first];
-    if (!before) return false;
-    const Entry& last = entries_[before->last];
-    if (!renumbers(last, first)) return link_s(last, first).has_value();
-    const double apart_s = tick_s * (first.header.cycles - last.header.cycles);
-    const double expected_s = static_cast<double>(chain.first - before->last) * period_s_;
-    return std::abs(apart_s - expected_s) > late_s + period_s_ / 2 &&
+    if (!before)
+      return after && renumbers(entries_[chain.last], entries_[after->first]) &&
+             !continues(chain.last, after->first);
+    const Entry &last = entries_[before->last], &first = entries_[chain.first];
+    if (!renumbers(last, first))
+      return steps(last, first) * period_s_ <= longest_link_s && link_s(last, first).has_value();
+    return !continues(before->last, chain.first) &&
            (!after || renumbers(last, entries_[after->first]));
   }
 
@@ -154,8 +165,8 @@ class Fit {
     for (std::size_t i = 0; i < entries_.size(); ++i)
       if (std::size_t& last = best[entries_[i].first];
           entries_[i].first == i ||
-          std::pair(entries_[i].length, -entries_[i].deviation_s) >
-              std::pair(entries_[last].length, -entries_[last].deviation_s))
+          std::pair(entries_[i].score, -entries_[i].deviation_s) >
+              std::pair(entries_[last].score, -entries_[last].deviation_s))
         last = i;
     for (std::size_t i = 0; i < entries_.size(); ++i)
       if (entries_[i].first == i) found.push_back({i, best[i], entries_[best[i]].length});
@@ -238,16 +249,15 @@ class Fit {
       const double number_s = static_cast<double>(number) * period_s_;
       const double clock_s = tick_s * (sign * (e.header.cycles - member.header.cycles));
       const bool by_clock = clock_s > passed_s &&
-                            clock_s < (next ? limit_s : passed_s + usual() * period_s_) &&
+                            clock_s < (next ? limit_s : passed_s + 1.5 * period_s_) &&
                             (!fits || (!next && clock_s < number_s));
       if (by_clock)
         at = std::max<std::int64_t>(at + 1, std::llround(clock_s / period_s_));
       else
         at = fits ? number : at + 1;
-      if (next) at = std::min(at, std::max<std::int64_t>(number_of(*next), 1) - 1);
+      if (next) at = std::min(at, number_of(*next));
       passed_s = std::min(by_clock ? clock_s : static_cast<double>(at) * period_s_, limit_s);
       e.at_s = sign == 1 ? member.at_s + passed_s : member.at_s - passed_s;
-      e.position = member.position + sign * static_cast<std::uint32_t>(at);
       e.by_number = fits && !by_clock;
     }
   }
@@ -280,6 +290,9 @@ class Fit {
       times_.paused.add("between frames " + name(from) + " and " + name(to) + " at " +
                         fixed(from.at_s) + " s by " + fixed(step_s) + " s + n x 21.47 s");
     place(from, entries_between(last + 1, first), &to);
+    const std::size_t found = first - last;  // frames, including `to`
+    if (steps(from, to) > found)
+      times_.lost[to.frame] = (steps(from, to) - static_cast<std::uint32_t>(found)) / subframes_;
   }
 
   void set_times() {
@@ -294,7 +307,6 @@ class Fit {
       if (entries_[i].member) join(std::exchange(last, i), i);
     place(entries_[last], entries_between(last + 1, entries_.size()), nullptr);
     HostTime at{};
-    const Entry* before = nullptr;
     std::string where = " at the start";
     for (const Entry& e : entries_) {
       if (e.member)
@@ -303,9 +315,6 @@ class Fit {
         (e.by_number ? times_.times : times_.numbers).add("frame " + name(e) + where);
       if (e.stands) times_.stood.add("frame " + name(e));
       times_.at[e.frame] = at = std::max(at, HostTime(from_seconds(e.at_s)));
-      const std::uint32_t missing = before && !e.restarts ? e.position - before->position - 1 : 0;
-      times_.lost[e.frame] = missing <= subframes_ << 20 ? missing / subframes_ : 0;
-      before = &e;
     }
   }
 

@@ -4,8 +4,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
 #include <utility>
+
+#include "drivers/util/format.hpp"
 
 namespace echofuse::acquire {
 namespace {
@@ -80,7 +81,9 @@ bool RadarRecording::next(SampleSink& sink) {
 }
 
 std::vector<Counter> RadarRecording::counters() const {
-  return radar::counters_of(parser_.counts());
+  radar::FrameCounts counts = parser_.counts();
+  counts.lost_frames = lost_, counts.restarts = times_.restarts.count;
+  return radar::counters_of(counts);
 }
 
 std::vector<std::string> RadarRecording::doubts() const {
@@ -127,14 +130,11 @@ std::vector<std::string> RadarRecording::doubts() const {
     out.push_back(changed);
   const double expected_s = profile_.frame_period_s * profile_.subframes;
   const double period_s = times_.period_s > 0 ? profile_.subframes * times_.period_s : expected_s;
-  if (std::abs(period_s - expected_s) > 0.05 * expected_s) {
-    char text[120];
-    std::snprintf(text, sizeof text,
-                  "frame period %.1f ms; expected %.1f ms from the cfg; check that the recording "
-                  "was made with this cfg",
-                  1e3 * period_s, 1e3 * expected_s);
-    out.emplace_back(text);
-  }
+  if (std::abs(period_s - expected_s) > 0.05 * expected_s)
+    out.push_back(
+        format("frame period %.1f ms; expected %.1f ms from the cfg; check that the recording was "
+               "made with this cfg",
+               1e3 * period_s, 1e3 * expected_s));
   return out;
 }
 

@@ -146,7 +146,16 @@ TEST_CASE(
   check(RadarFile().frame(33, 0.0499).frame(34, 0.0998).frames(3, 60), even,
         "2 frames have impossible numbers");
   check(RadarFile().frames(1, 19).frame(21, 20 * 0.0499).frame(20, 21 * 0.0499).frames(22, 60),
-        even, "frames have impossible");
+        even,
+        "2 frames have impossible numbers (frame 21 after 0.90 s, frame 20 after 0.90 s): their");
+  // Restarts near the start and with similar clocks.
+  check(RadarFile().frames(1, 5).frames(1, 60, 4.1), {21, 20, 20, 4},
+        "1 restarts of the board (between frames 5 and 1 at 0.20 s)");
+  check(RadarFile().frames(1, 20).frames(1, 25, 0.001), {21, 20, 4},
+        "1 restarts of the board (between frames 20 and 1 at 0.95 s)");
+  check(RadarFile().frames(1, 20).frames(2, 60, 0.01), {21, 20, 20, 18},
+        "1 restarts of the board (between frames 20 and 2 at 0.95 s)");
+
   check(RadarFile().frames(1, 20).frames(1, 20).frames(1, 20, 7), even,
         "2 restarts of the board (between frames 20 and 1 at 0.95 s, between frames 20 and 1 "
         "at 1.95 s): the gaps have unknown length");
