@@ -192,14 +192,10 @@ void Cfg::check_words(const CfgCommand& c) {
           c, quoted(c.words[i]) + (i == expected + 1
                                        ? " follows the numbers; put comments on their own line"
                                        : " is not a number")));
+  if (name == "sensorStart" && c.words.size() > 1)
+    return refuse(complaint(c, "has an argument, which the firmware refuses after new settings"));
   if (name == "sensorStop") {
     if (has("sensorStart")) refuse(complaint(c, "stops the radar that sensorStart started"));
-    return;
-  }
-  if (name == "sensorStart" && c.words.size() == 2) {
-    // An argument other than 0 has no effect.
-    if (number(c, 1) == 0)
-      refuse(complaint(c, "0 starts the radar without the settings above; expected sensorStart"));
     return;
   }
   if (expected + 1 != c.words.size()) return refuse(complaint(c, miscounted(c, expected)));

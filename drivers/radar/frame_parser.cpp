@@ -73,19 +73,19 @@ std::string changed_line_ends(ByteView bytes) {
     return "line ends were converted because the file was saved as text: a carriage return "
            "precedes each line feed";
   if (feeds < enough || pairs > 0) return {};
-  std::ptrdiff_t shortened = 0;
+  std::ptrdiff_t shortened = 0, unexplained = 0;
   for (std::size_t begin = find_magic(bytes, 0), end; begin < bytes.size(); begin = end) {
     end = find_magic(bytes, begin + 1);
     const ByteView packet = bytes.subspan(begin, end - begin);
-    if (end == bytes.size() || packet.size() < header_bytes) continue;
+    if (end + header_bytes > bytes.size() || packet.size() < header_bytes) continue;
     constexpr std::size_t size_at = 12;  // offset of the packet's size in its header
     const std::size_t stated = ByteReader(packet.subspan(size_at)).get<std::uint32_t>();
     const auto feeds_inside = std::ranges::count(packet.subspan(header_bytes), '\n');
     if (stated <= packet.size()) continue;
-    if (stated - packet.size() > static_cast<std::size_t>(feeds_inside)) return {};
-    ++shortened;
+    const bool explained = stated - packet.size() <= static_cast<std::size_t>(feeds_inside);
+    ++(explained ? shortened : unexplained);
   }
-  if (shortened < enough) return {};
+  if (shortened < enough || 4 * unexplained > shortened) return {};
   return "line ends were converted because the file was saved as text: CR LF became LF, and frames "
          "are shorter than they state";
 }

@@ -66,7 +66,7 @@ acquire run --duration 99999999999h | 2 | --duration: expected at most 87660h (t
 acquire calibrate --distance -1 | 2 | --distance: Value -1 not in range 0.1 to 100
 acquire calibrate --distance nan | 2 | --distance: nan: expected a number
 recon evaluate x y --range-offset -inf | 2 | --range-offset
-sim dataset --out x --records 4 --seed nan | 2 | --seed
+sim lab --window nan | 2 | --window: nan: expected a number
 acquire calibrate --distance 1m | 2 | --distance: 1m: expected a number from 0.1 to 100, without a unit
 sim dataset --out x --set background=200 | 3 | "corridor"; there is another key "background_counts"
 sim dataset --out x --set signal=3 | 3 | unknown key; the most similar known name is "signal_photons"
