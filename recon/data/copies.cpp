@@ -6,6 +6,7 @@
 #include <bit>
 #include <cmath>
 #include <numeric>
+#include <utility>
 #include <vector>
 
 #include "recon/numbers/statistics.hpp"
@@ -38,6 +39,26 @@ std::uint64_t key_of(std::int64_t fingerprint, std::size_t part) {
   return (std::bit_cast<std::uint64_t>(fingerprint) & ~(0xffffull << shift)) | part << shift;
 }
 
+// Bins and counts from which a fingerprint is computed. Positions are relative to the highest bin.
+struct Bins {
+  std::vector<std::pair<std::int32_t, std::uint32_t>> counts;
+
+  // Logarithm of the probability that the counts of another record of the same scene are equal: two
+  // Poisson counts of mean n are equal with probability 1 / (2 sqrt(pi n)).
+  double log_chance() const {
+    double out = 0;
+    for (const auto& [at, n] : counts) out -= std::log(4 * M_PI * static_cast<double>(n)) / 2;
+    return out;
+  }
+  Hash hash() const {
+    std::uint32_t unit = 0;
+    for (const auto& [at, n] : counts) unit = std::gcd(unit, n);
+    Hash out;
+    for (const auto& [at, n] : counts) out.add(static_cast<std::uint32_t>(at)), out.add(n / unit);
+    return out;
+  }
+};
+
 }  // namespace
 
 std::int64_t fingerprint_of(const record::FusedRecord& r) {
@@ -48,7 +69,7 @@ std::int64_t fingerprint_of(const record::FusedRecord& r) {
   if (!r.has(Sensor::spd)) {
     for (std::size_t i = 0; i < r.radar.size(); ++i)
       hashes[i % parts].add(std::bit_cast<std::uint32_t>(r.radar[i]));
-    return r.radar.empty() ? 0 : joined(hashes);
+    return r.radar.size() < parts ? 0 : joined(hashes);
   }
   const auto first = std::ranges::find_if(r.spd, [](auto n) { return n > 0; });
   const auto last = std::find_if(r.spd.rbegin(), r.spd.rend(), [](auto n) { return n > 0; });
@@ -57,39 +78,32 @@ std::int64_t fingerprint_of(const record::FusedRecord& r) {
   const double clicks = std::accumulate(values.begin(), values.end(), 0.0);
   const double background = double{quantile(values, 0.5)} * static_cast<double>(values.size());
   if (clicks - background < min_clicks) return 0;
-  const auto top = std::ranges::max_element(r.spd) - r.spd.begin();
-  const auto used = [&](std::uint32_t n) {
-    return n > 0 && n * dimmest >= r.spd[static_cast<std::size_t>(top)];
-  };
-  std::array<std::uint32_t, parts> unit{};
-  // Logarithm of the probability that the counts of another record of the same scene are equal: two
-  // Poisson counts of mean n are equal with probability 1 / (2 sqrt(pi n)).
-  std::array<double, parts> log_chance{};
-  const auto part_of = [&](std::ptrdiff_t bin) {
-    return static_cast<std::size_t>(bin - top) % parts;
-  };
-  for (std::ptrdiff_t i = 0; i < std::ssize(r.spd); ++i)
-    if (const auto n = r.spd[static_cast<std::size_t>(i)]; used(n)) {
-      unit[part_of(i)] = std::gcd(unit[part_of(i)], n);
-      log_chance[part_of(i)] -= std::log(4 * M_PI * static_cast<double>(n)) / 2;
-    }
-  const double sum = std::accumulate(log_chance.begin(), log_chance.end(), 0.0);
-  if (sum - std::ranges::min(log_chance) > max_log_chance) return 0;
-  for (std::ptrdiff_t i = 0; i < std::ssize(r.spd); ++i)
-    if (const auto n = r.spd[static_cast<std::size_t>(i)]; used(n)) {
-      hashes[part_of(i)].add(static_cast<std::uint32_t>(i - top));
-      hashes[part_of(i)].add(n / unit[part_of(i)]);
-    }
-  return joined(hashes);
+  const auto top = std::ranges::max_element(r.spd);
+  Bins all;
+  std::array<Bins, parts> bright;
+  for (auto n = first; n != last.base(); ++n) {
+    const std::pair bin(static_cast<std::int32_t>(n - top), *n);
+    if (*n > 0) all.counts.push_back(bin);
+    if (*n > 0 && *n * dimmest >= *top)
+      bright[static_cast<std::size_t>(n - top) % parts].counts.push_back(bin);
+  }
+  double sum = 0, lowest = 0;
+  for (std::size_t k = 0; k < parts; ++k) {
+    const double chance = bright[k].log_chance();
+    sum += chance, lowest = std::min(lowest, chance);
+    hashes[k] = bright[k].hash();
+  }
+  if (sum - lowest <= max_log_chance) return joined(hashes);
+  // The return is too narrow for four parts.
+  return all.log_chance() <= max_log_chance ? std::bit_cast<std::int64_t>(all.hash().value) : 0;
 }
 
 std::size_t Copies::first(std::int64_t fingerprint, std::size_t row) {
   if (fingerprint == 0) return row;
+  std::size_t out = row;
   for (std::size_t part = 0; part < parts; ++part)
-    if (const auto found = rows_.find(key_of(fingerprint, part)); found != rows_.end())
-      return found->second;
-  for (std::size_t part = 0; part < parts; ++part) rows_.emplace(key_of(fingerprint, part), row);
-  return row;
+    out = std::min(out, rows_.emplace(key_of(fingerprint, part), row).first->second);
+  return out;
 }
 
 bool Copies::contains(std::int64_t fingerprint) const {

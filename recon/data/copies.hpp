@@ -4,8 +4,10 @@
 // A fingerprint consists of four hashes of 16 bits, each computed from every fourth bin that has at
 // least 1/64 of the highest: positions relative to the highest bin, and counts divided by their
 // greatest common divisor. Records are copies of each other if three of the four hashes are equal.
-// Counts that were shifted, padded with zeros, multiplied by an integer, or changed in one bin are
-// therefore recognised. Different counts have three equal hashes with probability 4 * 2^-48.
+// Counts that were shifted, padded with zeros, multiplied by an integer, or changed in a bin other
+// than the highest are therefore recognised. Different counts have three equal hashes with
+// probability 4 * 2^-48. If the return is too narrow for four parts, the fingerprint is a hash of
+// all bins, which recognises the same copies but those with a changed bin.
 #pragma once
 #include <cstddef>
 #include <cstdint>
@@ -21,8 +23,8 @@ std::int64_t fingerprint_of(const record::FusedRecord& record);
 
 class Copies {
  public:
-  // Returns the row of the first copy that was added. Without one, adds the record and returns
-  // `row`.
+  // Adds a record, and returns the lowest row of its copies, or `row` if there are none. Rows must
+  // be added in increasing order.
   std::size_t first(std::int64_t fingerprint, std::size_t row);
   bool contains(std::int64_t fingerprint) const;
 

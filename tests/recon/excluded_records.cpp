@@ -149,11 +149,11 @@ TEST_CASE("the rows command prints the split part of each record or the reason f
     CHECK(split[i].value("part", "") == own[i].value("part", ""));
     held_out += own[i].value("part", "") == "test";
   }
-  const auto judged = [&](const std::string& run) {
+  const auto assessed = [&](const std::string& run) {
     return nlohmann::json::parse(
         recon_program("-q evaluate --json " + (dir / "m ") + run).text)["records"];
   };
-  CHECK(judged(dir / "a") == held_out);
+  CHECK(assessed(dir / "a") == held_out);
   // All records of run b are copies of records of run a. The model was trained on run a.
   const nlohmann::json fresh = rows((dir / "b") + " --model " + (dir / "m"));
   std::size_t test = 0;
@@ -161,7 +161,7 @@ TEST_CASE("the rows command prints the split part of each record or the reason f
     test += row.value("part", "") == "test";
     CHECK((row.contains("part") || row["left_out"] == "trained on"));
   }
-  CHECK(judged(dir / "b") == test);
+  CHECK(assessed(dir / "b") == test);
   const nlohmann::json blocked = rows((dir / "a") + " --split blocked --set gap=2");
   CHECK(blocked[59]["part"] == "test");
   CHECK(std::ranges::count(blocked, "in the gap between the parts of the split",
@@ -195,9 +195,9 @@ TEST_CASE("train and evaluate print the number of excluded records and the reaso
   a_run(30, 2, [&](FusedRecord& r) {
     if (r.index < 8) doubtful(r);
   }).write(dir / "fresh");
-  const Outcome judged = recon_program("evaluate -q " + (dir / "m") + " " + (dir / "fresh"));
+  const Outcome assessed = recon_program("evaluate -q " + (dir / "m") + " " + (dir / "fresh"));
   CHECK_THAT(
-      judged.text,
+      assessed.text,
       Catch::StartsWith("22 records; ") &&
           Catch::Contains("doubtful records left out: camera stands still 8; including them: "
                           "IoU 0."));
@@ -285,6 +285,18 @@ TEST_CASE(
       .spd(longer)
       .write(dir / "padded");
   CHECK(load({dir / "padded"}).content == load({dir / "a"}).content);
+}
+
+TEST_CASE("a copy of a narrow return is recognised") {
+  FusedRecord r;
+  r.accept(Sensor::spd);
+  counts(r) = {5, 4, 6, 5, 3, 900, 60'000, 1200, 5, 6, 4, 5, 7, 5, 4, 6};
+  const std::int64_t original = fingerprint_of(r);
+  CHECK(original != 0);
+  for (std::uint32_t& count : counts(r)) count *= 2;
+  CHECK(fingerprint_of(r) == original);
+  ++counts(r)[6];
+  CHECK(fingerprint_of(r) != original);
 }
 
 TEST_CASE("records of a still scene are not copies of each other") {
