@@ -45,15 +45,17 @@ struct Means {
   std::vector<double> range, depth;
 };
 
-// Maps `lag` records after those of the histograms fit best, and clearly better than the own maps.
+// Maps `lag` records after those of the histograms fit better than the own maps, by this number of
+// standard errors. 0: none.
 struct Lag {
   int lag = 0;
-  double correlation = 0, own = 0, errors = clear;
+  double correlation = 0, own = 0, errors = 0;
 };
 
 Lag lag_of(const Dataset& data, const Means& means, std::size_t begin, std::size_t end) {
   Lag found;
-  for (int lag = -max_lag; lag <= max_lag; ++lag) {
+  double opposite = 0;  // `errors` of the lag with the opposite sign: a periodic scene fits both
+  const auto compare = [&](int lag) -> Lag {
     // Both correlations of a lag are computed from the same rows.
     std::vector<double> ranges, own, other;
     for (std::size_t row = begin; row < end; ++row) {
@@ -64,31 +66,42 @@ Lag lag_of(const Dataset& data, const Means& means, std::size_t begin, std::size
       ranges.push_back(means.range[row]);
       own.push_back(means.depth[row]), other.push_back(means.depth[of]);
     }
-    if (lag == 0 || ranges.size() < min_pairs) continue;
+    if (ranges.size() < min_pairs) return {};
     const double with_own = correlation(ranges, own), with_other = correlation(ranges, other);
     const double error = std::sqrt(2 / static_cast<double>(ranges.size() - 3));
     const double errors = (fisher_z(with_other) - fisher_z(with_own)) / error;
-    if (with_other >= min_correlation && errors >= found.errors)
-      found = {lag, with_other, with_own, errors};
+    return with_other < min_correlation ? Lag{} : Lag{lag, with_other, with_own, errors};
+  };
+  for (int count = 1; count <= max_lag; ++count) {
+    const Lag after = compare(count), before = compare(-count);
+    const bool late = after.errors >= before.errors;
+    if (const Lag& best = late ? after : before; best.errors > found.errors)
+      found = best, opposite = late ? before.errors : after.errors;
   }
-  return found;
+  return found.errors >= clear && opposite < clear ? found : Lag{};
 }
 
 // Returns the warning for one run, or an empty string.
 std::string late_truth_of(const Dataset& data, const Source& run, const Means& means) {
   const std::size_t end = run.first + run.count;
-  Lag found = lag_of(data, means, run.first, end);
-  std::string where;
-  const std::size_t blocks = run.count < block_records ? 0 : 2 * run.count / block_records;
-  for (std::size_t k = 0; found.lag == 0 && k < blocks; ++k) {
-    const std::size_t at = std::min(run.first + k * block_records / 2, end - block_records);
-    found = lag_of(data, means, at, at + block_records);
-    where = format("records %lld to %lld: ", static_cast<long long>(data.index[at]),
-                   static_cast<long long>(data.index[at + block_records - 1]));
+  Lag found;
+  std::size_t from = run.first, to = end;  // rows with this lag
+  for (std::size_t at = run.first; at + block_records <= end; at += block_records / 2) {
+    const std::size_t last = at + 3 * block_records / 2 > end ? end : at + block_records;
+    const Lag lag = lag_of(data, means, at, last);
+    if (lag.lag == 0 || (found.lag != 0 && lag.lag != found.lag)) continue;
+    if (found.lag == 0) found = lag, from = at;
+    to = last;
   }
+  if (found.lag == 0) found = lag_of(data, means, from, to);
   if (found.lag == 0) return {};
   const int count = std::abs(found.lag);
   const std::string records = std::to_string(count) + (count == 1 ? " record" : " records");
+  const std::string where =
+      from == run.first && to == end
+          ? ""
+          : format("records %lld to %lld: ", static_cast<long long>(data.index[from]),
+                   static_cast<long long>(data.index[to - 1]));
   return printable(run.path) + ": " + where +
          format(
              "histogram ranges fit the depth maps %s %s (correlation %.2f) better than their own "
