@@ -44,10 +44,12 @@ struct Bins {
   std::vector<std::pair<std::int32_t, std::uint32_t>> counts;
 
   // Logarithm of the probability that the counts of another record of the same scene are equal: two
-  // Poisson counts of mean n are equal with probability 1 / (2 sqrt(pi n)).
-  double log_chance() const {
+  // Poisson counts of mean n are equal with probability 1 / (2 sqrt(pi n)). Counts equal to the
+  // highest may be clipped.
+  double log_chance(std::uint32_t top) const {
     double out = 0;
-    for (const auto& [at, n] : counts) out -= std::log(4 * M_PI * static_cast<double>(n)) / 2;
+    for (const auto& [at, n] : counts)
+      if (n < top) out -= std::log(4 * M_PI * static_cast<double>(n)) / 2;
     return out;
   }
   Hash hash() const {
@@ -79,23 +81,27 @@ std::int64_t fingerprint_of(const record::FusedRecord& r) {
   const double background = double{quantile(values, 0.5)} * static_cast<double>(values.size());
   if (clicks - background < min_clicks) return 0;
   const auto top = std::ranges::max_element(r.spd);
-  Bins all;
-  std::array<Bins, parts> bright;
+  Bins all, bright;
+  std::array<Bins, parts> quarters;
   for (auto n = first; n != last.base(); ++n) {
     const std::pair bin(static_cast<std::int32_t>(n - top), *n);
     if (*n > 0) all.counts.push_back(bin);
-    if (*n > 0 && *n * dimmest >= *top)
-      bright[static_cast<std::size_t>(n - top) % parts].counts.push_back(bin);
+    if (*n == 0 || *n * dimmest < *top) continue;
+    bright.counts.push_back(bin);
+    quarters[static_cast<std::size_t>(n - top) % parts].counts.push_back(bin);
   }
   double sum = 0, lowest = 0;
   for (std::size_t k = 0; k < parts; ++k) {
-    const double chance = bright[k].log_chance();
+    const double chance = quarters[k].log_chance(*top);
     sum += chance, lowest = std::min(lowest, chance);
-    hashes[k] = bright[k].hash();
+    hashes[k] = quarters[k].hash();
   }
   if (sum - lowest <= max_log_chance) return joined(hashes);
   // The return is too narrow for four parts.
-  return all.log_chance() <= max_log_chance ? std::bit_cast<std::int64_t>(all.hash().value) : 0;
+  for (const Bins& bins : {bright, all})
+    if (bins.log_chance(*top) <= max_log_chance)
+      return std::bit_cast<std::int64_t>(bins.hash().value);
+  return 0;
 }
 
 std::size_t Copies::first(std::int64_t fingerprint, std::size_t row) {

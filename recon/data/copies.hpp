@@ -6,8 +6,8 @@
 // greatest common divisor. Records are copies of each other if three of the four hashes are equal.
 // Counts that were shifted, padded with zeros, multiplied by an integer, or changed in a bin other
 // than the highest are therefore recognised. Different counts have three equal hashes with
-// probability 4 * 2^-48. If the return is too narrow for four parts, the fingerprint is a hash of
-// all bins, which recognises the same copies but those with a changed bin.
+// probability 4 * 2^-48. If the return is too narrow for four parts, the fingerprint is one
+// hash, which does not recognise counts with a changed bin.
 #pragma once
 #include <cstddef>
 #include <cstdint>
