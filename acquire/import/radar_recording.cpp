@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numeric>
 #include <utility>
 
 #include "drivers/util/format.hpp"
@@ -13,12 +14,22 @@ namespace {
 
 constexpr std::size_t chunk_bytes = 4096, max_looked_at = 32 << 10;
 
-// Reads the headers of all frames.
+// Returns the time by which a subframe is later than if all subframes had the same period, s; 0 if
+// its number is damaged.
+double delay_s(const radar::RadarProfile& profile, std::uint32_t subframe) {
+  const auto& periods_s = profile.subframe_periods_s;
+  if (subframe >= periods_s.size()) return 0;
+  return std::accumulate(periods_s.begin(), periods_s.begin() + subframe,
+                         -static_cast<double>(subframe) * profile.frame_period_s);
+}
+
+// Reads the headers of all frames. The clock readings are those of subframes with equal periods.
 std::vector<FrameHeader> headers_of(const std::string& path, const radar::RadarProfile& profile) {
   std::vector<FrameHeader> out;
   const auto add = [&](const RadarFrame& f) {
-    out.push_back(
-        {f.frame_number * profile.subframes + f.subframe, f.frame_number, f.time_cpu_cycles});
+    const auto delay = std::llround(delay_s(profile, f.subframe) * 200e6);
+    out.push_back({f.frame_number * profile.subframes + f.subframe, f.frame_number,
+                   f.time_cpu_cycles - static_cast<std::uint32_t>(delay)});
   };
   const RegularFile file(path, ExitCode::failed);
   radar::FrameParser parser(profile.antennas);
@@ -53,7 +64,9 @@ void RadarRecording::take(RadarFrame frame, SampleSink& sink) {
   if (times_.copy.at(index)) return;
   const std::size_t bins = frame.power.size();
   if (bins > 0 && bins != profile_.bins) ++others_, other_bins_ = bins;
-  frame.received = at_ = times_.at.at(index);
+  const double delay = delay_s(profile_, frame.subframe);
+  if (index == 0) first_delay_s_ = delay;
+  frame.received = at_ = times_.at.at(index) + from_seconds(delay - first_delay_s_);
   frame.lost_before = times_.lost.at(index);
   lost_ += frame.lost_before;
   // Frame numbers repeat after a restart. Adding the number of restarts makes sure that frames with

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <numeric>
 #include <sstream>
 #include <tuple>
 
@@ -305,9 +306,10 @@ void check_rates(const Cfg& cfg, RadarProfile& profile, std::uint32_t data_baud)
              : cfg.name() + ": without configDataPort the firmware sends at ") +
         std::to_string(baud) + " baud, but radar.data_baud is " + std::to_string(data_baud));
   const double transmit_s = profile.frame_bytes * 10.0 / baud;
-  if (transmit_s < profile.frame_period_s) return;
+  const double period_s = std::ranges::min(profile.subframe_periods_s);
+  if (transmit_s < period_s) return;
   const std::string command = cfg.advanced() ? "subFrameCfg" : "frameCfg";
-  const std::string what = "requests a frame every " + milliseconds(profile.frame_period_s) +
+  const std::string what = "requests a frame every " + milliseconds(period_s) +
                            ", but a frame of " + std::to_string(profile.frame_bytes) +
                            " bytes takes " + milliseconds(transmit_s) + " at " +
                            std::to_string(baud) + " baud";
@@ -364,9 +366,10 @@ RadarProfile parse_profile(std::string_view cfg_text, const std::string& name,
   RampSampling sampling;
   cfg.attempt([&] { sampling = sampling_of(cfg, profile_of(cfg, frames.front())); });
   cfg.attempt([&] {
-    profile.frame_period_s = frames.front().period_s(cfg);
-    for (const FrameCfg& f : frames)
-      profile.frame_period_s = std::min(profile.frame_period_s, f.period_s(cfg));
+    std::vector<double>& periods_s = profile.subframe_periods_s;
+    for (const FrameCfg& f : frames) periods_s.push_back(f.period_s(cfg));
+    profile.frame_period_s = std::accumulate(periods_s.begin(), periods_s.end(), 0.0) /
+                             static_cast<double>(periods_s.size());
   });
   cfg.attempt([&] { read_gui_monitor(cfg, profile); });
   cfg.stop_if_faulty();

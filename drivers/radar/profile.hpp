@@ -32,9 +32,10 @@ struct RadarProfile {
   // Number of subframes, 1 to 4 (advFrameCfg). Each subframe is sent as a separate packet.
   // Subframes may differ only in their start frequency.
   std::uint32_t subframes = 1;
-  double frame_period_s = 0;  // shortest of the subframes' periods, s
-  double active_s = 0;        // total duration of a frame's chirps, s
-  double carrier_hz = 0;      // centre frequency of the sampled sweep
+  double frame_period_s = 0;               // mean time between packets, s
+  std::vector<double> subframe_periods_s;  // time from each subframe to the next one
+  double active_s = 0;                     // total duration of a frame's chirps, s
+  double carrier_hz = 0;                   // centre frequency of the sampled sweep
   // Size of a frame with the outputs that guiMonitor enables, without detected points, rounded up
   // to a multiple of 32 bytes.
   std::uint32_t frame_bytes = 0;

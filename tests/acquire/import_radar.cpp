@@ -25,7 +25,7 @@ acquire::Config config_of(const Folder& folder) {
 // Builds a recording of a radar's data port. The radar clock runs at 200 MHz, and each frame has 64
 // bins. The frame period of 49.9 ms keeps the frames away from slot boundaries.
 struct RadarFile {
-  std::uint32_t header = 40, bins = 64, tlv = 2, length_error = 0;
+  std::uint32_t header = 40, bins = 64, tlv = 2, length_error = 0, subframe = 0;
   double period_s = 0.0499;
   Bytes bytes{};
 
@@ -34,7 +34,7 @@ struct RadarFile {
     const std::size_t begin = bytes.size();
     const auto cycles = static_cast<std::uint32_t>(std::llround(2e8 * at_s));
     for (const int b : {2, 1, 4, 3, 6, 5, 8, 7}) put(bytes, static_cast<std::uint8_t>(b));
-    for (const std::uint32_t v : {0x03050004u, size, 0xa6843u, number, cycles, 0u, 1u})
+    for (const std::uint32_t v : {0x03050004u, size, 0xa6843u, number, cycles, 0u, 1u, subframe})
       put(bytes, v);
     bytes.resize(begin + header);
     put(bytes, tlv);
@@ -55,15 +55,15 @@ struct RadarImport {
   std::string said;
 };
 
-RadarImport import_radar(const Bytes& bytes, const std::string& cfg = "xwr68xx_paper_50cm.cfg") {
+const std::string paper_cfg = source_dir + "/config/radar/xwr68xx_paper_50cm.cfg";
+
+RadarImport import_radar(const Bytes& bytes, const std::string& cfg = paper_cfg) {
   const Folder folder;
   write_file(folder / "a.dat", {bytes.begin(), bytes.end()});
   RadarImport out;
   try {
     out.said = acquire::import_recordings(
-        config_of(folder), {.files = {folder / "a.dat"},
-                            .cfg = echofuse::test::source_dir + "/config/radar/" + cfg,
-                            .out = folder / "a.sqlite"});
+        config_of(folder), {.files = {folder / "a.dat"}, .cfg = cfg, .out = folder / "a.sqlite"});
   } catch (const Error& e) {
     CHECK(e.code() == ExitCode::failed);
     CHECK_FALSE(echofuse::test::fs::exists(folder / "a.sqlite"));
@@ -219,6 +219,22 @@ TEST_CASE("damaged frame numbers and clock readings do not change the times of o
     CAPTURE(i);
     if (error_s(i, start) > (damaged[i] ? period_s : 1e-3)) FAIL_CHECK("wrong time");
   }
+}
+
+TEST_CASE("subframes may have different periods") {
+  const Folder folder;
+  std::string cfg = contents(source_dir + "/tests/drivers/four_subframes.cfg");
+  cfg.replace(cfg.rfind("1 1 12.5"), 8, "1 1 62.6");
+  write_file(folder / "radar.cfg", cfg);
+  const double start_s[] = {0, 0.0125, 0.025, 0.0375};
+  RadarFile file;
+  for (std::uint32_t number = 1; number <= 29; ++number)
+    for (file.subframe = 0; file.subframe < 4; ++file.subframe)
+      file.frame(number, number * 0.1001 + start_s[file.subframe]);
+  const RadarImport i = import_radar(file.bytes, folder / "radar.cfg");
+  CAPTURE(i.said);
+  CHECK(i.used == std::vector<std::uint64_t>{40, 40, 36});
+  CHECK(std::ranges::count(i.said, '\n') == 1);
 }
 
 TEST_CASE("import does not mistake lost bytes for converted line ends") {

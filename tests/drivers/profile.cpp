@@ -299,6 +299,9 @@ TEST_CASE(
   CHECK(same_axis(radar_axis(p), radar_axis(one)));
   CHECK(p.frame_bytes == one.frame_bytes);
   CHECK(p.frame_period_s == 0.0125);
+  std::string uneven = four_subframes();
+  uneven.replace(uneven.rfind("1 1 12.5"), 8, "1 1 62.5");
+  CHECK(parse_profile(uneven, "x.cfg").frame_period_s == Approx(0.025));
 }
 
 TEST_CASE(
