@@ -226,9 +226,9 @@ class Fit {
   }
 
   // Sets the times of the entries between `member` and `next`, in order of their distance from
-  // `member`. Without `next` they are beyond all members, after or before (`sign` -1) `member`. A
-  // number fits if it leaves room for the entries that follow. Beyond all members, the next number
-  // must confirm that frames are missing, and the nearer of two possible times is used.
+  // `member`. Without `next` they are beyond all members, after `member` or before it (`sign` -1,
+  // modulo 2^32). A number fits if it leaves room for the entries that follow. Beyond all members,
+  // the next number must confirm that frames are missing, and the nearer of two times is used.
   void place(const Entry& member, const std::vector<Entry*>& entries, const Entry* next,
              std::uint32_t sign = 1) {
     const auto number_of = [&](const Entry& e) { return std::int64_t{sign * steps(member, e)}; };
@@ -300,7 +300,7 @@ class Fit {
     auto last = static_cast<std::size_t>(is_first - entries_.begin());
     std::vector<Entry*> start = entries_between(0, last);
     std::ranges::reverse(start);
-    place(entries_[last], start, nullptr, -1);
+    place(entries_[last], start, nullptr, ~0u);
     const double start_s = entries_.front().at_s;
     for (std::size_t i = 0; i <= last; ++i) entries_[i].at_s -= start_s;
     for (std::size_t i = last + 1; i < entries_.size(); ++i)
