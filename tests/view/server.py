@@ -22,7 +22,7 @@ import unittest
 import urllib.parse
 
 import proxy
-from page_socket import Client, Refused
+from page_socket import Browser, Client, Refused
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "fixtures"))
 import fixtures  # noqa: E402
 
@@ -268,7 +268,7 @@ class Server(unittest.TestCase):
     def test_random_bytes_close_only_the_connection_that_sent_them(self):
         """Random bytes before or after the handshake close only the connection on which they arrive."""
         random = random_numbers.Random(1)
-        healthy = Client(self.address)
+        healthy = Browser(self.address)  # answers pings
         for k in range(120):
             if k % 2:
                 client = Client(self.address).socket
@@ -283,17 +283,17 @@ class Server(unittest.TestCase):
                     pass
         healthy.ask({"show": 1})
         self.assertEqual(healthy.until("record", lambda m: not m["live"])["index"], 1)
-        healthy.socket.close()
+        healthy.close()
 
     def test_viewer_accepts_at_most_64_connections(self):
         """At most 64 connections can be open. When one of them closes, another connection is accepted."""
-        clients = [Client(self.address) for _ in range(64)]
+        clients = [Browser(self.address) for _ in range(64)]
         for _ in range(3):
             with self.assertRaises((EOFError, ConnectionError)):
                 Client(self.address)
         for client in clients:
             client.until("record")
-        clients.pop().socket.close()
+        clients.pop().close()
         end = time.monotonic() + 10
         while time.monotonic() < end:
             try:
@@ -304,7 +304,7 @@ class Server(unittest.TestCase):
         else:
             self.fail("no new connection accepted")
         for client in clients:
-            client.socket.close()
+            client.close()
         time.sleep(0.3)
 
     def test_slow_client_does_not_delay_other_clients(self):
