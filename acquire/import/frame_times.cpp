@@ -38,7 +38,6 @@ struct Entry {
   double deviation_s = 0;
   std::size_t previous = 0;  // its previous and first entries
   std::size_t first = 0;
-  bool restarts = false;   // true: the board restarted before the frame
   bool by_number = false;  // true: the number is right, and the clock reading is not
   double at_s = 0;
 };
@@ -239,13 +238,11 @@ class Fit {
       Entry& e = *entries[i];
       const auto left = static_cast<std::int64_t>(entries.size() - i);
       const std::int64_t number = number_of(e);
-      const auto confirmed = [&] {
-        return number - at <= usual() && left > 1 &&
-               number_of(*entries[i + 1]) - number - 1 < usual() &&
-               number_of(*entries[i + 1]) > number;
-      };
-      const bool fits = number > at && (next ? number + left <= number_of(*next)
-                                             : number == at + 1 || confirmed());
+      const std::int64_t following = left > 1 ? number_of(*entries[i + 1]) : number;
+      const bool confirmed =
+          number - at <= usual() && following > number && following - number <= usual();
+      const bool fits =
+          number > at && (next ? number + left <= number_of(*next) : number == at + 1 || confirmed);
       const double number_s = static_cast<double>(number) * period_s_;
       const double clock_s = tick_s * (sign * (e.header.cycles - member.header.cycles));
       const bool by_clock = clock_s > passed_s &&
@@ -276,7 +273,6 @@ class Fit {
       place(from, entries_between(last + 1, first), nullptr);
       const Entry& before = entries_[first - 1];
       to.at_s = before.at_s + period_s_ * subframes_;
-      to.restarts = true;
       times_.restarts.add("between frames " + name(before) + " and " + name(to) + " at " +
                           fixed(before.at_s) + " s");
       return;

@@ -23,13 +23,16 @@ double delay_s(const radar::RadarProfile& profile, std::uint32_t subframe) {
                          -static_cast<double>(subframe) * profile.frame_period_s);
 }
 
-// Reads the headers of all frames. The clock readings are those of subframes with equal periods.
-std::vector<FrameHeader> headers_of(const std::string& path, const radar::RadarProfile& profile) {
-  std::vector<FrameHeader> out;
+// Reads the headers of all frames, and fits their times. The fit expects subframes with equal
+// periods.
+FrameTimes times_of(const std::string& path, const radar::RadarProfile& profile) {
+  std::vector<FrameHeader> headers;
+  std::vector<double> delays_s;
   const auto add = [&](const RadarFrame& f) {
-    const auto delay = std::llround(delay_s(profile, f.subframe) * 200e6);
-    out.push_back({f.frame_number * profile.subframes + f.subframe, f.frame_number,
-                   f.time_cpu_cycles - static_cast<std::uint32_t>(delay)});
+    delays_s.push_back(delay_s(profile, f.subframe));
+    const auto delay = std::llround(delays_s.back() * 200e6);
+    headers.push_back({f.frame_number * profile.subframes + f.subframe, f.frame_number,
+                       f.time_cpu_cycles - static_cast<std::uint32_t>(delay)});
   };
   const RegularFile file(path, ExitCode::failed);
   radar::FrameParser parser(profile.antennas);
@@ -37,7 +40,10 @@ std::vector<FrameHeader> headers_of(const std::string& path, const radar::RadarP
   while (const std::size_t count = file.read(chunk))
     parser.feed({chunk.data(), count}, HostTime{}, add);
   parser.finish(add);
-  return out;
+  FrameTimes times = fit_times(headers, profile.subframes, profile.frame_period_s);
+  for (std::size_t i = 0; i < times.at.size(); ++i)
+    times.at[i] += from_seconds(delays_s[i] - delays_s[0]);
+  return times;
 }
 
 }  // namespace
@@ -47,7 +53,7 @@ RadarRecording::RadarRecording(const std::string& path, const radar::RadarProfil
       file_(path, ExitCode::failed),
       profile_(profile),
       parser_(profile.antennas),
-      times_(fit_times(headers_of(path, profile), profile.subframes, profile.frame_period_s)) {}
+      times_(times_of(path, profile)) {}
 
 DeviceInfo RadarRecording::device() const {
   DeviceInfo info;
@@ -64,9 +70,7 @@ void RadarRecording::take(RadarFrame frame, SampleSink& sink) {
   if (times_.copy.at(index)) return;
   const std::size_t bins = frame.power.size();
   if (bins > 0 && bins != profile_.bins) ++others_, other_bins_ = bins;
-  const double delay = delay_s(profile_, frame.subframe);
-  if (index == 0) first_delay_s_ = delay;
-  frame.received = at_ = times_.at.at(index) + from_seconds(delay - first_delay_s_);
+  frame.received = at_ = times_.at.at(index);
   frame.lost_before = times_.lost.at(index);
   lost_ += frame.lost_before;
   // Frame numbers repeat after a restart. Adding the number of restarts makes sure that frames with

@@ -35,7 +35,6 @@ class RadarRecording final : public Recording {
   std::size_t frames_ = 0;  // number of frames read
   std::uint64_t lost_ = 0;  // number of frames missing between them
   HostTime at_{};
-  double first_delay_s_ = 0;              // delay of the first frame's subframe
   std::uint64_t others_ = 0;              // number of frames with a wrong number of bins
   std::size_t other_bins_ = 0;            // last wrong number of bins
   std::uint32_t number_ = 0, epoch_ = 0;  // last frame number; number of restarts of the numbering
