@@ -58,10 +58,10 @@ void RadarDriver::stop() {
   stop_timers();
   drop_data();  // later bytes are neither parsed nor captured
   stop_dialogue_.emplace(dialogue_->state() == CommandDialogue::State::commanding);
-  advance_last_words();
+  advance_stop_dialogue();
 }
 
-void RadarDriver::advance_last_words() {
+void RadarDriver::advance_stop_dialogue() {
   const std::string out = stop_dialogue_->take_output();
   cli_->write({reinterpret_cast<const std::uint8_t*>(out.data()), out.size()});
   if (stop_dialogue_->done()) disconnect();
@@ -138,7 +138,7 @@ void RadarDriver::advance() {
 void RadarDriver::on_cli(ByteView bytes) {
   if (stop_dialogue_) {
     stop_dialogue_->receive(bytes);
-    return advance_last_words();
+    return advance_stop_dialogue();
   }
   if (no_data_probe_) {
     no_data_probe_->receive_cli(bytes);

@@ -89,7 +89,7 @@ class RadarDriver final : public Driver {
   void ask_why();
   void advance_silence();
   bool board_was_reset();
-  void advance_last_words();
+  void advance_stop_dialogue();
   void on_gone(const Failure& failure);
   void detect_other_board(const RadarFrame& frame);
   void check_frames();
