@@ -13,8 +13,9 @@ import unittest
 
 bin_dir = pathlib.Path(sys.argv[1]).resolve()
 source = pathlib.Path(__file__).resolve().parents[2]
-sys.path.append(str(source / "recon/python"))
+sys.path += [str(source / "recon/python"), str(source / "tests")]
 import echofuse
+import waiting
 
 texts = {path.relative_to(source): path.read_text(encoding="utf-8")
          for path in [source / "README.md", *(path for room in ("acquire", "drivers", "recon", "sim") for path in (source / room).rglob("*.md"))]}
@@ -146,12 +147,18 @@ class Facts(unittest.TestCase):
         self.assertEqual(stated, printed)
 
     def test_example_of_doctor_has_the_lines_of_the_program(self):
-        printed = self.call("echofuse-sim", "lab", "--window", "0.5", "--", bin_dir / "echofuse-acquire", "doctor", "--config", "lab/lab.toml",
-                            ok=range(7))
+        done = waiting.run([bin_dir / "echofuse-sim", "lab", "--dir", self.dir / "lab", "--window", "0.5", "--", bin_dir / "echofuse-acquire",
+                            "doctor", "--config", self.dir / "lab/lab.toml"], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=200)
+        self.assertIn(done.returncode, range(7), done.stdout)
         example = manual("acquire/README.md").partition("Output of `doctor`")[2].partition("```")[2].partition("```")[0]
         checks = re.compile(r"^(?:ok|warning|failed) +(\w+(?: \w+)?)  ", re.M)
         self.assertGreater(len(checks.findall(example)), 10)
-        self.assertEqual(checks.findall(example), checks.findall(printed))
+        expected, printed = checks.findall(example), checks.findall(done.stdout)
+        if done.starved and expected != printed:  # a device of the laboratory may have been too late
+            self.assertLessEqual(set(printed), set(expected), done.stdout)
+            waiting.not_checked(f"lines of doctor ({sorted(set(expected) - set(printed))})", done.starved)
+        else:
+            self.assertEqual(expected, printed, done.stdout)
 
 
 if __name__ == "__main__":
