@@ -95,8 +95,14 @@ void SampleCheck::check_falls(const HistogramFrame& frame) {
          "counts fall in no bin over ten exposures; is the histogram cleared after each exposure?");
 }
 
-void SampleCheck::take(const RadarFrame& frame) {
-  if (frame.power.empty() || profiles_ == enough_profiles) return;
+void SampleCheck::take(RadarFrame& frame) {
+  if (frame.power.empty()) return;
+  if (std::ranges::all_of(frame.power, [](float p) { return p == 0; })) {
+    frame.power.clear(), frame.array.clear();
+    return once(zeros_reported_, Sensor::radar,
+                "all bins of a range profile are zero; such profiles are not used");
+  }
+  if (profiles_ == enough_profiles) return;
   like_db_ += looks_like_db(frame.power);
   if (++profiles_ == enough_profiles && 2 * like_db_ > profiles_)
     once(db_reported_, Sensor::radar, db_question);

@@ -4,7 +4,9 @@
 //   histogram  exposures are longer than a slot, or add up to more than the time between them;
 //              counts fall in no bin over ten exposures; a bin contains more counts than a detector
 //              can send, so that the exposure is lost
-//   profile    power in dB; a range axis in other units
+//   profile    power in dB; a range axis in other units; all bins are zero, so that the frame has
+//   no
+//              profile
 //   depth      depths in other units
 #pragma once
 #include <cstdint>
@@ -34,7 +36,7 @@ class SampleCheck {
 
   // Returns false if the histogram is lost. It is then included in the next `lost_before`.
   bool take(HistogramFrame& frame);
-  void take(const RadarFrame& frame);
+  void take(RadarFrame& frame);  // removes a profile of zeros
   void take(const DepthFrame& frame);
   void take(const Axis& axis);
 
@@ -55,8 +57,8 @@ class SampleCheck {
   std::uint64_t lost_ = 0, rises_ = 0, exposures_ = 0, exposed_us_ = 0;
   std::size_t profiles_ = 0, like_db_ = 0, maps_ = 0;
   bool impossible_reported_ = false, long_reported_ = false, overlap_reported_ = false,
-       falls_reported_ = false, db_reported_ = false, range_reported_ = false,
-       depth_reported_ = false;
+       falls_reported_ = false, db_reported_ = false, zeros_reported_ = false,
+       range_reported_ = false, depth_reported_ = false;
 };
 
 }  // namespace echofuse::acquire

@@ -190,8 +190,8 @@ void Windows::take_profile(Slot& slot, const RadarFrame& frame, HostTime taken) 
   const auto axis = axes_.find("radar");
   const std::size_t bins = frame.power.size();
   Arrived& radar = slot.arrived[Sensor::radar];
-  if (std::ranges::all_of(frame.power, [](float p) { return p == 0; })) {
-    radar.fault = {VerdictKind::no_profile, bins > 0 ? "all bins are zero" : ""};
+  if (bins == 0) {
+    radar.fault = {VerdictKind::no_profile, {}};
   } else if (refused_[Sensor::radar]) {
     radar.fault = axis_changed;
   } else if (axis == axes_.end() || axis->second.count != bins) {

@@ -86,6 +86,16 @@ TEST_CASE("power in dB, ranges in other units and depths in metres are reported 
   for (int k = 0; k < 40; ++k) other.take(db);
   REQUIRE(events.size() == 1);
   CHECK_THAT(events[0], Catch::Contains("are they in dB?"));
+  RadarFrame zeros{};
+  zeros.power.assign(64, 0);
+  for (int k = 0; k < 3; ++k) {
+    RadarFrame frame = zeros;
+    check.take(frame);
+    CHECK(frame.power.empty());
+  }
+  REQUIRE(events.size() == 2);
+  CHECK(events[1] == "all bins of a range profile are zero; such profiles are not used");
+  events.pop_back();
   check.take(Axis{"radar", "power", "m", 64, 0, 0.25, 1});
   CHECK(events.size() == 1);
   check.take(Axis{"radar", "power", "m", 64, 0, 25, 1});
