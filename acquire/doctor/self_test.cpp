@@ -103,36 +103,39 @@ Finding spd_finding(const Capture& capture, const Config& config) {
   const TagCounts& n = capture.record.spd_counts;
   const std::uint64_t clicks = n.in_range + n.out_of_range + n.without_start;
   const std::uint64_t lost = capture.record.sync[Sensor::spd].lost;
+  const bool board = capture.sends_histograms;
+  const std::string device = board ? "the detector" : "the tagger";
   Finding out{.check = "spd",
-              .found = format("starts %s, clicks %s, %.0f %% of the clicks in the histogram, "
-                              "%" PRIu64 " %s and %" PRIu64 " blocks lost",
-                              hertz(rate(n.starts)).c_str(), hertz(rate(clicks)).c_str(),
-                              100 * share(n.in_range, clicks), lost,
-                              capture.sends_histograms ? "histograms" : "tags", n.lost_blocks),
+              .found = board ? format("counts %s, %" PRIu64 " histograms lost",
+                                      hertz(rate(clicks)).c_str(), lost)
+                             : format("starts %s, clicks %s, %.0f %% of the clicks in the "
+                                      "histogram, %" PRIu64 " tags and %" PRIu64 " blocks lost",
+                                      hertz(rate(n.starts)).c_str(), hertz(rate(clicks)).c_str(),
+                                      100 * share(n.in_range, clicks), lost, n.lost_blocks),
               .facts = {{"starts_per_s", rate(n.starts)},
                         {"clicks_per_s", rate(clicks)},
                         {"share_in_range", share(n.in_range, clicks)},
                         {"lost_tags", static_cast<double>(lost)},
                         {"lost_blocks", static_cast<double>(n.lost_blocks)}}};
   add_zones(out, capture);
-  if (n.starts == 0 && !capture.sends_histograms)
+  if (n.starts == 0 && !board)
     mark(out, Grade::problem,
          "no starts on tdc.start_channel = " + std::to_string(config.histogram.start_channel) +
              "; check the laser; " + channel_list(capture));
-  if (clicks == 0 && capture.sends_histograms)
+  if (clicks == 0 && board)
     mark(out, Grade::problem, "no counts, not even dark counts; check the detector");
   else if (clicks == 0)
     mark(out, Grade::problem,
          "no clicks on tdc.click_channel = " + std::to_string(config.histogram.click_channel) +
              ", not even dark counts; check the detector; " + channel_list(capture));
-  if (const std::string question = swap_question(n); !question.empty())
+  if (const std::string question = swap_question(n); !question.empty() && !board)
     mark(out, Grade::warning,
          "clicks are outside the histogram, or there are several clicks per start" + question +
              " If not, set tdc.click_delay_ps (cables, fibres), tdc.first_bin_ps and tdc.bins");
   if (lost + n.lost_blocks + n.overflows > 0)
-    mark(out, Grade::warning, "the tagger or its connection is too slow for these rates");
+    mark(out, Grade::warning, device + " or its connection is too slow for these rates");
   if (n.errors + n.bad_tags + n.backwards > 0)
-    mark(out, Grade::warning, "the tagger reports errors or sends invalid tags");
+    mark(out, Grade::warning, device + " reports errors or sends invalid data");
   return out;
 }
 
