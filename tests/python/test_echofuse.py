@@ -363,6 +363,18 @@ def test_open_accepts_sqlite_analyze_tables_and_refuses_unknown_tables(folder, t
     assert str(refused.value) in said
 
 
+@pytest.mark.parametrize("sql, values, said", [
+    ("SELECT idx FROM records", (), "no such table: records"), ("SELECT", (), "incomplete input"),
+    ("SELECT idx FROM record WHERE idx = ?", (), "Incorrect number of bindings"), ("SELECT 1; SELECT 2", (), "one statement at a time"),
+    ("CREATE INDEX place ON record(label)", (), "readonly database"), ("SELECT ?", (object(),), "Error binding parameter"),
+])
+def test_invalid_query_is_not_reported_as_damage(folder, sql, values, said):
+    run = echofuse.open(folder / "monday")
+    assert run.select("SELECT max(idx) FROM record") == [(59,)]
+    with pytest.raises(ValueError, match=f"monday.sqlite: query rejected: .*{said}.*"):
+        run.select(sql, *values)
+
+
 def test_reading_a_run_leaves_no_database_connection_open(folder):
     run = echofuse.open(folder / "monday")
     before = len(os.listdir("/proc/self/fd"))

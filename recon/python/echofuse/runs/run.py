@@ -25,7 +25,7 @@ from .damaged import errors_with_path
 from .grid import Growing, inflated, read_only, rows_of, shifted
 from .record import Record
 from .run_files import (NULL_INTEGER, STATISTICS, Connection, connect, leftovers, meta_of,
-                        status_of, table)
+                        query, status_of, table)
 from .zones import Zone
 from .zones import stored as stored_zones
 
@@ -216,9 +216,9 @@ class Run:
 
     @errors_with_path
     def select(self, sql: str, *values: Any) -> list[Any]:
-        """Returns the result rows of an SQL query."""
+        """Returns the result rows of an SQL query. Raises ValueError if the query is invalid."""
         with self._opened() as db:
-            return db.execute(sql, values).fetchall()
+            return query(db, self.path, sql, values)
 
     @errors_with_path
     def of_records(self, columns: str, rows: NDArray[np.int64] | None = None) -> list[Any]:

@@ -274,6 +274,20 @@ def connected(path: pathlib.Path, closed: bool) -> Connection:
     raise ValueError(f"{path}: cannot be read")
 
 
+def query(db: Connection, path: pathlib.Path, sql: str, values: tuple[Any, ...]) -> list[Any]:
+    """Returns the result rows of an SQL query. Raises ValueError if the query is invalid, and
+    sqlite3.Error if the file is damaged."""
+    try:
+        return db.execute(sql, values).fetchall()
+    except (sqlite3.Error, sqlite3.Warning, OverflowError) as error:
+        # guard() compared the definitions of all tables. A damaged file raises DatabaseError; its
+        # subclasses have a name since Python 3.11.
+        if (type(error) is sqlite3.DatabaseError or getattr(error, "sqlite_errorname", "")
+                not in ("", "SQLITE_ERROR", "SQLITE_READONLY")):
+            raise
+        raise ValueError(f"{path}: query rejected: {error}: {sql}") from None
+
+
 def status_of(db: Connection, path: pathlib.Path, stored: str) -> str:
     """Returns the status of a run as a string, as RunReader::info() does in C++."""
     if stored != "open":
