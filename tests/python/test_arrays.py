@@ -70,9 +70,18 @@ def test_masked_pixels_of_depth_images_have_no_return(tmp_path):
     ("spd: row 0 is masked in part", {"spd": [[1, None], [1, 2]]}),
     ("radar: row 2 is masked in part", {"radar": np.ma.masked_equal(np.arange(6.).reshape(3, 2), 5)}),
     ("spd: expected an array of numbers", {"spd": [[1, 2], [3]]}),
-    ("zones: contains masked values", {"spd": np.ones((3, 1, 5)), "zones": [np.ma.masked_equal([0, 0, 1], 1)]}),
+    ("zones: masked (expected a number)", {"spd": np.ones((3, 1, 5)), "zones": [np.ma.masked_equal([0, 0, 1], 1)]}),
+    ("zones: 'left' (expected a sequence)", {"spd": np.ones((3, 1, 5)), "zones": ["left"]}),
+    ("zones: 'left' (expected a number)", {"spd": np.ones((3, 1, 5)), "zones": [("left", 0, 1)]}),
+    ("antennas: 3 (expected a sequence)", {"spd": np.ones((3, 5)), "antennas": 3}),
+    ("radar_taps: None (expected a sequence)", {"spd": np.ones((3, 5)), "radar_taps": None}),
+    ("window_s: None (expected a number)", {"spd": np.ones((3, 5)), "window_s": None}),
+    ("map_size: 16.5 (expected an integer)", {"spd": np.ones((3, 5)), "map_size": 16.5}),
+    ("signal['spd_clicks']: [1] (expected a number)", {"spd": np.ones((3, 5)), "signal": {"spd_clicks": [1]}}),
+    ("notes: [] (expected text or a number)", {"spd": np.ones((3, 5)), "notes": []}),
+    ("labels: '\\ud800' (expected valid Unicode text)", {"spd": np.ones((1, 5)), "labels": ["\ud800"]}),
     ("labels: b'a' (expected text or a number)", {"spd": np.ones((1, 5)), "labels": [b"a"]}),
-    ("labels: expected one label per record", {"spd": np.ones((3, 5)), "labels": "abc"}),
+    ("labels: 'abc' (expected a sequence)", {"spd": np.ones((3, 5)), "labels": "abc"}),
     *((f"spd: expected an array of numbers, not {kind}", {"spd": table}) for kind, table in (
         ("complex128 (3, 5)", np.ones((3, 5), complex)), ("<U3 (3, 5)", np.ones((3, 5)).astype("U3")),
         ("timedelta64[s] (3, 5)", np.ones((3, 5), "m8[s]")), ("float64 ()", 3.0), ("float64 ()", np.ma.masked))),
@@ -162,7 +171,7 @@ def test_images_that_are_resampled_to_maps_of_64_pixels_are_named(tmp_path, size
     ("2 labels, but there are 3 records", {"spd": np.ones((3, 5)), "labels": ["a", "b"]}),
     ("cannot be read: record 9999: its slot", {"spd": np.ones((10000, 5)), "window_s": 1e6}),
     ("expected 0 to 65.5 m", {"spd": np.ones((3, 5)), "depth_m": np.full((3, 16, 16), 2900.0)}),
-    ("its median is 3 mm; expected depths in millimetres", {"spd": np.ones((3, 5)), "depth_m": np.full((3, 16, 16), 3)}),
+    ("its median is 3 mm; expected depths in millimetres (for metres pass floating-point numbers)", {"spd": np.ones((3, 5)), "depth_m": np.full((3, 16, 16), 3)}),
 ])
 def test_write_run_refuses_invalid_arrays_and_states_what_is_expected(tmp_path, said, arrays):
     with pytest.raises(RuntimeError) as refused:

@@ -47,15 +47,44 @@ def toml(value: Any) -> str:
     return json.dumps(os.fspath(value), ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
-def label_of(value: Any) -> str:
-    """Returns a label as text; None and NaN become "". Raises ValueError if it is neither text
-    nor a number."""
+def text_of(name: str, value: Any) -> str:
+    """Returns text or a number as text; None and NaN become "". Raises ValueError for other values
+    and for text that is not valid Unicode."""
     value = value.tolist() if hasattr(value, "tolist") else value
     if value is None or isinstance(value, float) and math.isnan(value):
         return ""
-    if isinstance(value, (str, int, float)):
-        return str(value)
-    raise ValueError(f"labels: {value!r} (expected text or a number)")
+    if not isinstance(value, (str, int, float)):
+        raise ValueError(f"{name}: {value!r} (expected text or a number)")
+    if any("\ud800" <= character <= "\udfff" for character in str(value)):
+        raise ValueError(f"{name}: {value!r} (expected valid Unicode text)")
+    return str(value)
+
+
+def number(name: str, value: Any, kind: type = float) -> Any:
+    """Returns a value as a number. Raises ValueError if it is masked or not of this kind."""
+    try:
+        if isinstance(value, (str, bytes)) or ma.is_masked(value):
+            raise TypeError
+        found = kind(value)
+        if kind is int and found != value:
+            raise ValueError
+    except (TypeError, ValueError, OverflowError):
+        expected = "an integer" if kind is int else "a number"
+        raise ValueError(f"{name}: {value!r} (expected {expected})") from None
+    return found
+
+
+def listed(name: str, values: Any) -> list[Any]:
+    """Returns the items of a sequence. Raises ValueError if it is not a sequence."""
+    if isinstance(values, (str, bytes)) or not hasattr(values, "__iter__"):
+        raise ValueError(f"{name}: {values!r} (expected a sequence)")
+    return list(values)
+
+
+def vectors(name: str, values: Any) -> list[str]:
+    """Formats vectors of numbers for run.toml."""
+    return [" ".join(repr(number(name, value)) for value in listed(name, vector))
+            for vector in listed(name, values)]
 
 
 def new_path(out: Path) -> pathlib.Path:
@@ -81,8 +110,9 @@ def annotate(run: runs.Run | Path, text: str | None = None, *, label: Any = None
     path = pathlib.Path(run.path if isinstance(run, runs.Run) else run).absolute()
     if isinstance(run, runs.Run):
         run.events()  # checks that the file still contains this run
-    call(acquire_program(program), "annotate", path,
-         *(["--", text] if label is None else [f"--label={label_of(label)}"]))
+    words = ["--", text_of("text", text)] if label is None else [
+        f"--label={text_of('label', label)}"]
+    call(acquire_program(program), "annotate", path, *words)
 
 
 def record(config: Path | None = None, count: int = 1, *, label: Any = None,
@@ -92,10 +122,11 @@ def record(config: Path | None = None, count: int = 1, *, label: Any = None,
     {"run.window_s": 1.0, "radar.keep_running": True}. `program` is the path of echofuse-acquire
     (default: $ECHOFUSE_ACQUIRE). Raises RuntimeError with the program's error message if the
     program fails. Ctrl-C ends the run after the current slot."""
-    words = [acquire_program(program), "run", "--json", "-q", "--count", str(int(count))]
+    words = [acquire_program(program), "run", "--json", "-q",
+             "--count", str(number("count", count, int))]
     words += out_option(out) if out is not None else []
     words += ["--config", os.fspath(config)] if config is not None else []
-    words += ["--set", f"run.label={toml(label_of(label))}"] if label is not None else []
+    words += ["--set", f"run.label={toml(text_of('label', label))}"] if label is not None else []
     for key, value in (settings or {}).items():
         words += ["--set", f"{key}={value if isinstance(value, str) else toml(value)}"]
     files: list[str] = []
@@ -147,8 +178,6 @@ def write_run(path: Path, *, spd: ArrayLike | None = None, first_bin_ps: float =
     width and height of the maps; 0: the size of square images of 3 to 256 pixels, otherwise 64 with
     a warning. began: start of the run, UTC. label, labels: text or numbers. signal: limits of the
     verdicts, as in lab.toml."""
-    if isinstance(labels, (str, bytes)):
-        raise ValueError("labels: expected one label per record; use `label` for the whole run")
     given = {"spd": spd, "radar": radar, "array": array, "depth_m": depth_m}
     tables = {name: plain(name, values) for name, values in given.items() if values is not None}
     depth, in_mm = tables.pop("depth_m", (np.zeros(0), False))
@@ -157,28 +186,26 @@ def write_run(path: Path, *, spd: ArrayLike | None = None, first_bin_ps: float =
         warnings.warn(f"depth_m: images of {size[0]} x {size[1]} pixels become maps of 64 x 64 "
                       "pixels; set map_size", stacklevel=2)
     sections: dict[str, dict[str, Any]] = {
-        "": {"window_s": float(window_s), "label": label_of(label),
-             "labels": list(map(label_of, labels)), "notes": notes},
-        "spd": {"first_bin_ps": float(first_bin_ps), "bin_width_ps": float(bin_width_ps),
-                "irf_fwhm_ps": float(irf_fwhm_ps),
-                "zones": [numbers("zones", zone) for zone in zones]},
-        "radar": {"first_m": float(first_m), "step_m": float(step_m), "cell_m": float(radar_cell_m),
-                  "taps": numbers("radar_taps", radar_taps), "array_frames": int(array_frames),
-                  "antennas": [numbers("antennas", place) for place in antennas]},
-        "depth": {"half_tangent": float(half_tangent), "map_z_max_m": float(far_m),
-                  "map_size": int(map_size), "unit": "mm" if in_mm else "m"},
-        "signal": {key: float(value) for key, value in (signal or {}).items()}}
+        "": {"window_s": number("window_s", window_s), "label": text_of("label", label),
+             "labels": [text_of("labels", one) for one in listed("labels", labels)],
+             "notes": text_of("notes", notes)},
+        "spd": {"first_bin_ps": number("first_bin_ps", first_bin_ps),
+                "bin_width_ps": number("bin_width_ps", bin_width_ps),
+                "irf_fwhm_ps": number("irf_fwhm_ps", irf_fwhm_ps),
+                "zones": vectors("zones", zones)},
+        "radar": {"first_m": number("first_m", first_m), "step_m": number("step_m", step_m),
+                  "cell_m": number("radar_cell_m", radar_cell_m),
+                  "taps": vectors("radar_taps", [radar_taps])[0],
+                  "array_frames": number("array_frames", array_frames, int),
+                  "antennas": vectors("antennas", antennas)},
+        "depth": {"half_tangent": number("half_tangent", half_tangent),
+                  "map_z_max_m": number("far_m", far_m),
+                  "map_size": number("map_size", map_size, int), "unit": "mm" if in_mm else "m"},
+        "signal": {key: number(f"signal[{key!r}]", value) for key, value in (signal or {}).items()}}
     arrays = {name: table for name, (table, _) in tables.items()}
     import_arrays(path, sections, arrays | ({} if depth_m is None else {"depth": depth}),
                   *(["--began", began] if began else []), program=program)
     return runs.open(new_path(path))
-
-
-def numbers(name: str, values: Iterable[float]) -> str:
-    """Formats a vector for run.toml. Raises ValueError if a value is masked."""
-    if ma.is_masked(values):
-        raise ValueError(f"{name}: contains masked values")
-    return " ".join(map(repr, map(float, values)))
 
 
 def plain(name: str, values: Any) -> tuple[NDArray[Any], bool]:
@@ -233,6 +260,8 @@ def import_arrays(out: Path, sections: dict[str, dict[str, Any]], arrays: dict[s
             call(acquire_program(program), "import", folder, *out_option(out), *options)
         except BenchError as error:
             message = str(error).replace(f"{folder}/depth.npy", "depth_m")
+            message = message.replace('set depth.unit = "m"', "pass floating-point numbers"
+                                      ).replace('depth.unit = "mm"', "integers in mm")
             message = re.sub(rf"{re.escape(folder)}/(\w+)\.npy", r"\1", message)
             raise RuntimeError(re.sub(rf"{re.escape(folder)}(/run\.toml)?(:\d+)*: ", "",
                                       message)) from None
