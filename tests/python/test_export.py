@@ -16,7 +16,7 @@ from echofuse.runs import antennas, batches as blocks
 from echofuse.runs import staged as staging
 from echofuse.export.command import export
 from echofuse.runs.run_files import NULL_INTEGER
-from fixtures import BIN, change, changed, program
+from fixtures import BIN, change, changed, plates, program
 
 h5py = pytest.importorskip("h5py")
 ACQUIRE = str(BIN / "echofuse-acquire")
@@ -29,8 +29,8 @@ def tool(*words, env=None, prefix=()):
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory):
-    """Creates two runs. own.sqlite has 20 records: record 3 has no SPD data, and records 7 and 9 are unreadable. far.sqlite
-    has eight records with antenna data and a note."""
+    """Creates four runs. own.sqlite has 20 records: record 3 has no SPD data, and records 7 and 9 are unreadable. far.sqlite
+    has eight records with antenna data and a note. one_pixel.sqlite and nine_zones.sqlite are the default runs."""
     folder, rng = tmp_path_factory.mktemp("export"), np.random.default_rng(1)
     spd = rng.poisson(50, (20, 8)).astype(float)
     spd[3] = np.nan
@@ -44,6 +44,8 @@ def runs(tmp_path_factory):
     program("echofuse-sim", "dataset", "-q", "--out", folder / "far.sqlite", "--records", 8, "--set", "radar_antennas=8",
             "--set", "radar_sum=coherent", "--set", "radar_frames=20")
     program("echofuse-acquire", "annotate", folder / "far.sqlite", "door open, µ")
+    for kind in "one_pixel", "nine_zones":
+        shutil.copy(plates(kind, 20), folder / f"{kind}.sqlite")
     return folder
 
 
@@ -76,7 +78,7 @@ def test_hdf5_export_contains_the_arrays_and_marks_unreadable_records(runs, tmp_
         assert file["entry/entry_identifier"].dtype.kind == "S" and data["label"].dtype.kind == "S"
 
 
-@pytest.mark.parametrize("name", ["own", "far"])
+@pytest.mark.parametrize("name", ["own", "far", "one_pixel", "nine_zones"])
 def test_hdf5_export_contains_every_table_of_the_run_with_units(runs, tmp_path, name):
     assert export(echofuse.open(runs / name), tmp_path / "a.h5") == (2 if name == "own" else 0)
     columns = 0
@@ -107,7 +109,7 @@ def test_hdf5_export_contains_every_table_of_the_run_with_units(runs, tmp_path, 
 def test_xarray_opens_every_group_of_the_hdf5_export(runs, tmp_path):
     xarray = pytest.importorskip("xarray")
     pytest.importorskip("h5netcdf")
-    for name in "own", "far":
+    for name in "own", "far", "one_pixel", "nine_zones":
         export(echofuse.open(runs / name), tmp_path / f"{name}.h5")
         groups = ["/"]
         with h5py.File(tmp_path / f"{name}.h5") as file:
@@ -117,7 +119,7 @@ def test_xarray_opens_every_group_of_the_hdf5_export(runs, tmp_path):
             with xarray.open_dataset(tmp_path / f"{name}.h5", group=group, engine="h5netcdf") as found:
                 found.load()
         with xarray.open_dataset(tmp_path / f"{name}.h5", group="entry/data", engine="h5netcdf") as found:
-            assert found.spd.dims == ("record", "spd_time") and found.time.dtype == "datetime64[ns]"
+            assert found.spd.dims == ("record", *["zone"] * (name == "nine_zones"), "spd_time") and found.time.dtype == "datetime64[ns]"
             assert found.label.values.tolist() == echofuse.open(runs / name).labels
         # The netcdf4 engine cannot open a file in which a dimension scale contains strings.
         with h5py.File(tmp_path / f"{name}.h5") as file:
@@ -125,11 +127,12 @@ def test_xarray_opens_every_group_of_the_hdf5_export(runs, tmp_path):
                                                 if scale.dtype.kind == "S" and pytest.fail(path)] and None)
 
 
-def test_netcdf_export_equals_the_result_of_to_xarray(runs, tmp_path, monkeypatch):
+@pytest.mark.parametrize("name", ["far", "one_pixel", "nine_zones"])
+def test_netcdf_export_equals_the_result_of_to_xarray(runs, tmp_path, monkeypatch, name):
     xarray = pytest.importorskip("xarray")
     pytest.importorskip("h5netcdf")
     monkeypatch.setattr(blocks, "MAX_RECORDS", 3)
-    run = echofuse.open(runs / "far")
+    run = echofuse.open(runs / name)
     assert export(run, tmp_path / "a.nc") == 0 and export(echofuse.open(runs / "own"), tmp_path / "own.nc") == 2
     wanted = echofuse.to_xarray(run)
     with xarray.open_dataset(tmp_path / "a.nc", engine="h5netcdf") as found:
@@ -175,8 +178,9 @@ def test_netcdf_attributes_are_numbers_and_state_the_facts_of_the_run(runs, tmp_
         assert found.label.values[1] == "a\\x00b" and all(found[name].attrs["long_name"] for name in found.variables)
 
 
-def test_export_does_not_depend_on_the_block_size(runs, tmp_path, monkeypatch):
-    run = echofuse.open(runs / "own")
+@pytest.mark.parametrize("name", ["own", "one_pixel", "nine_zones"])
+def test_export_does_not_depend_on_the_block_size(runs, tmp_path, monkeypatch, name):
+    run = echofuse.open(runs / name)
     export(run, tmp_path / "whole.h5")
     monkeypatch.setattr(blocks, "MAX_BYTES", 400)  # A limit of 400 bytes gives blocks of one record.
     assert [len(part) for _, part, _ in blocks.blocks(run, lambda done: None)] == [1] * 20
