@@ -114,10 +114,10 @@ namespace {
 // not open the ports.
 std::vector<std::string> radar_warnings(const RadarConfig& config) {
   using inventory::RadarPort;
-  const auto is = [](const std::string& text, RadarPort wanted) {
+  const auto is = [](const std::string& text, RadarPort expected) {
     const port::Address address = port::parse_address(text);
     const auto* serial = std::get_if<port::SerialAddress>(&address);
-    return serial && inventory::radar_port(serial->path) == wanted;
+    return serial && inventory::radar_port(serial->path) == expected;
   };
   std::vector<std::string> out;
   if (is(config.cli, RadarPort::data))

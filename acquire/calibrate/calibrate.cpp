@@ -258,10 +258,10 @@ class Measurement {
   // Rejects the peak if it was found in fewer than three repeats or in fewer than half of the
   // repeats, because the spread of so few ranges is unreliable.
   void refuse_few(Peak& peak, std::size_t measured) const {
-    const auto wanted = static_cast<std::size_t>(std::max<std::int64_t>(3, options_.repeats / 2));
-    if (!peak.refusal.empty() || measured >= wanted) return;
+    const auto required = static_cast<std::size_t>(std::max<std::int64_t>(3, options_.repeats / 2));
+    if (!peak.refusal.empty() || measured >= required) return;
     peak.refusal = "only " + std::to_string(measured) + " of " + std::to_string(options_.repeats) +
-                   " repeats show the peak (at least " + std::to_string(wanted) +
+                   " repeats show the peak (at least " + std::to_string(required) +
                    " needed); try a longer --time";
   }
   CalibrationResult spd() const {

@@ -71,10 +71,10 @@ bool is_denied(const std::string& path) {
 
 // Returns the nodes of all attached devices and of all configured serial ports.
 std::vector<Port> ports(const std::optional<Config>& config, const MachineRoots& roots) {
-  std::vector<std::string> wanted;  // configured addresses
+  std::vector<std::string> expected;  // configured addresses
   std::vector<Port> out;
   for (const auto& address : configured_addresses(config)) {
-    wanted.push_back(address);
+    expected.push_back(address);
     const std::string path = serial_path(address);
     if (path.empty()) continue;
     const bool usable = ::access(path.c_str(), R_OK | W_OK) == 0;
@@ -82,7 +82,7 @@ std::vector<Port> ports(const std::optional<Config>& config, const MachineRoots&
   }
   const auto is_wanted = [&](const inventory::Node& node) {
     return !node.address.empty() &&
-           std::find(wanted.begin(), wanted.end(), node.address) != wanted.end();
+           std::find(expected.begin(), expected.end(), node.address) != expected.end();
   };
   for (const auto& device : inventory::list_attached(roots.devices))
     for (const auto& node : device.nodes) {

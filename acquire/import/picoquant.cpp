@@ -247,18 +247,19 @@ std::vector<std::string> PicoquantTags::rate_doubts() const {
   const auto unit_s = static_cast<double>(records_.unit_ps() / ps_per_s);
   const double divider = std::max(1.0, file_->number("HWSync_Divider").value_or(1));
   const double share = rate_hz * unit_s;  // time step in pulse periods; 1 in T3 mode
-  const auto alike = [&](double value, double wanted) {
-    return std::abs(value / wanted - 1) <= rate_share;
+  const auto similar = [&](double value, double expected) {
+    return std::abs(value / expected - 1) <= rate_share;
   };
-  if (records_.is_t3() ? !alike(share, 1) && !alike(share, divider) && !alike(share, 1 / divider)
-                       : share > rate_share)
+  if (records_.is_t3()
+          ? !similar(share, 1) && !similar(share, divider) && !similar(share, 1 / divider)
+          : share > rate_share)
     return {"TTResult_SyncRate is " + number_text(rate_hz) +
             " Hz, but MeasDesc_GlobalResolution is " + number_text(unit_s) + " s"};
   const std::uint64_t pulses = by_channel_[sync_channel];
   if (records_.is_t3() || pulses < 100 || last_sync_ps_ <= first_sync_ps_) return {};
   const auto between_s = static_cast<double>((last_sync_ps_ - first_sync_ps_) / ps_per_s);
   const double counted_hz = static_cast<double>(pulses - 1) / between_s;
-  if (alike(counted_hz, rate_hz) || alike(counted_hz, rate_hz / divider)) return {};
+  if (similar(counted_hz, rate_hz) || similar(counted_hz, rate_hz / divider)) return {};
   return {"pulse rate: TTResult_SyncRate is " + number_text(rate_hz) +
           " Hz, but the pulse rate in the records is " + number_text(counted_hz) + " Hz"};
 }

@@ -34,8 +34,8 @@ std::string rate_text(double hz) {
   return hz >= 1e3 ? format("%.4g kHz", hz / 1e3) : format("%.4g Hz", hz);
 }
 
-bool near(double value, double wanted, double share) {
-  return std::abs(value - wanted) <= share * wanted;
+bool near(double value, double expected, double share) {
+  return std::abs(value - expected) <= share * expected;
 }
 
 // Returns the shortest gap between starts that occurs often. Rare gaps are ignored, because they
@@ -48,9 +48,9 @@ double shortest_often(const std::vector<std::uint64_t>& gaps_ps) {
   return 0;
 }
 
-std::uint64_t count_near(const std::vector<std::uint64_t>& values, double wanted, double share) {
+std::uint64_t count_near(const std::vector<std::uint64_t>& values, double expected, double share) {
   return static_cast<std::uint64_t>(std::ranges::count_if(
-      values, [&](std::uint64_t v) { return near(static_cast<double>(v), wanted, share); }));
+      values, [&](std::uint64_t v) { return near(static_cast<double>(v), expected, share); }));
 }
 
 }  // namespace

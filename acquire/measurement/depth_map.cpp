@@ -79,11 +79,11 @@ MapGrid map_grid_of(std::span<const Axis> axes) {
   if (x && x->count >= min_map_size && x->count <= max_map_size)
     grid.size = x->count, grid.half_tangent = x->step * x->count / 2;
   if (z) grid.far_m = z->step;
-  const auto wanted = grid.axes();
+  const auto expected = grid.axes();
   if (grid.half_tangent >= min_map_half_tangent && grid.half_tangent <= max_map_half_tangent &&
-      !x == !y && (!x || (same_axis(*x, wanted[0]) && same_axis(*y, wanted[1]))) &&
+      !x == !y && (!x || (same_axis(*x, expected[0]) && same_axis(*y, expected[1]))) &&
       grid.far_m >= min_map_far_m && grid.far_m <= max_map_far_m &&
-      (!z || same_axis(*z, wanted[2])))
+      (!z || same_axis(*z, expected[2])))
     return grid;
   throw Error(ExitCode::failed,
               "axes map_x, map_y and map_z: expected 3 to 256 pixels per side, a maximum |x/z| "

@@ -190,10 +190,10 @@ Bytes pack_array(std::span<const float> array, std::size_t antennas) {
 std::string unpack_array(ByteView bytes, std::size_t bins, std::size_t antennas,
                          std::vector<float>& array) {
   const std::size_t size = values_of_bin(antennas);
-  const std::size_t wanted = bins * (sizeof(float) + 2 * size);
-  if (bytes.size() != wanted)
+  const std::size_t expected = bins * (sizeof(float) + 2 * size);
+  if (bytes.size() != expected)
     return "has " + std::to_string(bytes.size()) + " bytes, but its axis requires " +
-           std::to_string(wanted);
+           std::to_string(expected);
   array.resize(bins * size);
   ByteReader in(bytes);
   for (std::size_t b = 0; b < bins; ++b) {

@@ -166,9 +166,9 @@ std::string status_line(const std::vector<StatusField>& fields, std::optional<st
   std::size_t used = 0;
   std::vector<const StatusField*> shown;
   for (const auto* f : by_rank) {
-    const std::size_t wanted = f->text.size() + (used > 0 ? std::strlen(gap) : 0);
-    if (columns && used + wanted > *columns) continue;
-    used += wanted;
+    const std::size_t expected = f->text.size() + (used > 0 ? std::strlen(gap) : 0);
+    if (columns && used + expected > *columns) continue;
+    used += expected;
     shown.push_back(f);
   }
   std::string line;

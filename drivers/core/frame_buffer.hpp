@@ -10,8 +10,8 @@ namespace echofuse {
 
 // Result of one call of the parser.
 struct Step {
-  std::size_t used = 0;    // bytes consumed; 0 if more bytes are needed
-  std::size_t wanted = 0;  // bytes needed for the next call to succeed; 0 if unknown
+  std::size_t used = 0;      // bytes consumed; 0 if more bytes are needed
+  std::size_t expected = 0;  // bytes needed for the next call to succeed; 0 if unknown
 };
 
 class FrameBuffer {
@@ -21,7 +21,7 @@ class FrameBuffer {
   explicit FrameBuffer(std::size_t max_kept = 1 << 20) : max_kept_(max_kept) {}
   // Repeatedly calls consume(view), where `view` contains unconsumed bytes in order and without
   // gaps, until `consume` needs more bytes than are available. For an empty view, `consume` must
-  // return {0, wanted}.
+  // return {0, expected}.
   template <class Consume>
   void feed(ByteView bytes, const Consume& consume) {
     while (!held().empty() && !bytes.empty()) {
@@ -72,7 +72,7 @@ class FrameBuffer {
     for (;;) {
       const Step step = consume(bytes.subspan(used));
       if (step.used == 0) {
-        wanted_ = step.wanted;
+        wanted_ = step.expected;
         return used;
       }
       used += step.used;

@@ -35,17 +35,18 @@ DepthMap public_map(MappedRecord made, const SceneModel& scene) {
 // `values` is empty. `limit`: lowest accepted value.
 void put_row(Column& column, const ColumnAxis& axis, std::span<const float> values,
              const char* name, std::optional<float> limit = {}) {
-  const std::size_t wanted = axis.size();
+  const std::size_t expected = axis.size();
   const auto refuse = [&](const std::string& fault) {
     throw Error(ExitCode::usage, std::string(name) + ": " + fault + "; the model expects " +
-                                     std::to_string(wanted) + " finite values" +
+                                     std::to_string(expected) + " finite values" +
                                      (limit ? format(" of at least %g", double{*limit}) : ""));
   };
-  if (!values.empty() && values.size() != wanted) refuse(std::to_string(values.size()) + " values");
+  if (!values.empty() && values.size() != expected)
+    refuse(std::to_string(values.size()) + " values");
   for (std::size_t i = 0; i < values.size(); ++i)
     if (!std::isfinite(values[i]) || (limit && values[i] < *limit))
       refuse("value " + std::to_string(i) + " is " + format("%g", double{values[i]}));
-  column = Matrix(1, wanted), column.axis = axis;
+  column = Matrix(1, expected), column.axis = axis;
   std::ranges::copy(values, column.row(0).begin());
 }
 

@@ -77,11 +77,11 @@ class ReconstructReport {
   }
 
   void finish(const std::string& out) {
-    std::map<std::string, std::vector<const RecordStatus*>> alike;
-    for (const auto& r : faults_) alike[r.fault.empty() ? r.note : r.fault].push_back(&r);
+    std::map<std::string, std::vector<const RecordStatus*>> similar;
+    for (const auto& r : faults_) similar[r.fault.empty() ? r.note : r.fault].push_back(&r);
     for (const auto& r : faults_)
-      if (alike.at(r.fault.empty() ? r.note : r.fault).size() < many_alike) report(r);
-    for (const auto& [text, of] : alike)
+      if (similar.at(r.fault.empty() ? r.note : r.fault).size() < many_alike) report(r);
+    for (const auto& [text, of] : similar)
       if (of.size() >= many_alike)
         std::fprintf(stderr, "%s: %zu records between %lld and %lld: %s\n", printable(run_).c_str(),
                      of.size(), static_cast<long long>(of.front()->index),

@@ -232,18 +232,18 @@ std::vector<std::string> notes_on_truth(const Dataset& data, const std::vector<S
 void leave_out_unasked(const std::string& asked, const std::vector<WrittenMaps>& folders,
                        const Dataset& data, std::vector<std::string>& left_out) {
   if (asked.empty()) return;
-  std::set<std::int64_t> wanted;
+  std::set<std::int64_t> expected;
   if (asked == "test") {
     for (const std::size_t row : make_split(rows_to_train(data, inputs_of(data)).rows, {}).test)
-      wanted.insert(data.index[row]);
+      expected.insert(data.index[row]);
   } else {
     for (const WrittenMaps& maps : folders) {
-      for (const auto& [index, map] : maps.of_index) wanted.insert(index);
-      wanted.insert(maps.without.begin(), maps.without.end());
+      for (const auto& [index, map] : maps.of_index) expected.insert(index);
+      expected.insert(maps.without.begin(), maps.without.end());
     }
   }
   for (std::size_t row = 0; row < left_out.size(); ++row)
-    if (!wanted.contains(data.index[row])) left_out[row] = "excluded by --rows";
+    if (!expected.contains(data.index[row])) left_out[row] = "excluded by --rows";
 }
 
 // Returns, for each record, the reason why it is not scored; empty if it is scored.

@@ -32,9 +32,9 @@ std::string to_text(const DamagedRecord& damaged) {
 namespace {
 
 Error map_error(const std::string& path, const record::MapGrid& found,
-                const record::MapGrid& wanted, const std::string& owner) {
+                const record::MapGrid& expected, const std::string& owner) {
   return {ExitCode::failed, printable(path) + ": depth maps have " + found.text() + "; " +
-                                printable(owner) + " has " + wanted.text()};
+                                printable(owner) + " has " + expected.text()};
 }
 
 // Asks the kernel for huge pages, because handling the page faults of 4 KiB pages takes a sixth of
@@ -99,9 +99,9 @@ class Appender {
   // least doubles the capacity, so that loading many runs needs few reallocations.
   void make_room(std::size_t records) {
     for (Column& column : data_.columns) {
-      const std::size_t wanted = column.values.size() + records * column.axis.size();
-      if (wanted > column.values.capacity())
-        column.values.reserve(std::max(wanted, 2 * column.values.capacity()));
+      const std::size_t expected = column.values.size() + records * column.axis.size();
+      if (expected > column.values.capacity())
+        column.values.reserve(std::max(expected, 2 * column.values.capacity()));
       advise_large_pages(column.values.data(), column.values.capacity() * sizeof(float));
     }
   }

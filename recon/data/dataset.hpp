@@ -205,21 +205,21 @@ void rebin_radar(Dataset& data, const Axis& bins);
 void drop_array(Dataset& data);
 
 // Returns the error for a wrong axis; `owner` names the run or model that has the expected axis.
-Error axis_error(const std::string& path, const ColumnAxis& found, const ColumnAxis& wanted,
+Error axis_error(const std::string& path, const ColumnAxis& found, const ColumnAxis& expected,
                  const std::string& owner);
 
 // Returns true if the axes are equal or both empty. The zones must have the same directions in the
 // same order.
 bool agree(const ColumnAxis& a, const ColumnAxis& b);
-// Returns true if records on axis `found` can be interpolated to axis `wanted`. Quantity, unit,
-// scale and zones must be equal. `found` must not have fewer points than `wanted`, and the ends of
-// the two axes may differ by at most one bin.
-bool is_near(const ColumnAxis& found, const ColumnAxis& wanted);
-// Resamples a row onto the axis `wanted` by linear interpolation. Beyond the ends of `found`, the
-// values of its first or last bin are repeated. Crops the row if `wanted` is the first part of
+// Returns true if records on axis `found` can be interpolated to axis `expected`. Quantity, unit,
+// scale and zones must be equal. `found` must not have fewer points than `expected`, and the ends
+// of the two axes may differ by at most one bin.
+bool is_near(const ColumnAxis& found, const ColumnAxis& expected);
+// Resamples a row onto the axis `expected` by linear interpolation. Beyond the ends of `found`, the
+// values of its first or last bin are repeated. Crops the row if `expected` is the first part of
 // `found`.
 std::vector<float> resampled(std::span<const float> row, const ColumnAxis& found,
-                             const ColumnAxis& wanted);
+                             const ColumnAxis& expected);
 
 // Throws Error(failed) if the data contain a depth map on a grid other than `grid`; `owner` names
 // the run or model that has the expected grid.
@@ -230,7 +230,7 @@ void require_map(const Dataset& data, const record::MapGrid& grid, const std::st
 // returns true. Zones are summed if the model expects a single pixel. The radar is rebinned if the
 // model uses binned power. Removes the spatial lags if the model does not use antennas. Throws
 // Error(failed) if an axis does not match; `owner` names the model that has the expected axes.
-void match_axes(Dataset& data, const Layout& wanted, Inputs inputs,
+void match_axes(Dataset& data, const Layout& expected, Inputs inputs,
                 const std::string& owner = "the model's");
 
 }  // namespace echofuse::recon

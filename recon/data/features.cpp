@@ -28,10 +28,10 @@ void bring_to_strength(std::span<float> values, const std::string& scaling) {
     for (float& v : values) v = std::sqrt(std::max(v, 0.f));
 }
 
-// Returns the gain that scales columns with these variances to the total variance `wanted`.
-float gain_for(std::span<const double> variances, double wanted) {
+// Returns the gain that scales columns with these variances to the total variance `expected`.
+float gain_for(std::span<const double> variances, double expected) {
   const double sum = std::accumulate(variances.begin(), variances.end(), 0.0);
-  return sum > 0 ? static_cast<float>(std::sqrt(wanted / sum)) : 1;
+  return sum > 0 ? static_cast<float>(std::sqrt(expected / sum)) : 1;
 }
 
 }  // namespace
@@ -82,10 +82,10 @@ Features fit_features(const Dataset& data, const Rows& rows, Inputs inputs,
   const Matrix table = f.normalised_inputs(data, rows);
   const ColumnStatistics columns = column_statistics(table, all_rows(table.rows));
   f.centre.assign(columns.mean.begin(), columns.mean.end());
-  const double wanted = static_cast<double>(f.count()) / (both_sensors(inputs) ? 2 : 1);
+  const double expected = static_cast<double>(f.count()) / (both_sensors(inputs) ? 2 : 1);
   const std::span<const double> variances(columns.variance);
-  f.spd_gain = gain_for(variances.first(f.spd_count()), wanted);
-  f.radar_gain = gain_for(variances.last(f.radar_count()), wanted);
+  f.spd_gain = gain_for(variances.first(f.spd_count()), expected);
+  f.radar_gain = gain_for(variances.last(f.radar_count()), expected);
   return f;
 }
 

@@ -18,10 +18,10 @@ std::string describe(const Axis& a) {
 }
 
 // Describes how the zones differ; empty if they agree.
-std::string difference(const Zones& found, const Zones& wanted) {
-  if (found.size() != wanted.size())
-    return format("%zu zones, expected %zu", found.size(), wanted.size());
-  const auto [a, b] = std::ranges::mismatch(found, wanted, same_view);
+std::string difference(const Zones& found, const Zones& expected) {
+  if (found.size() != expected.size())
+    return format("%zu zones, expected %zu", found.size(), expected.size());
+  const auto [a, b] = std::ranges::mismatch(found, expected, same_view);
   if (a == found.end()) return {};
   const auto known = [](const Zone& zone) { return zone.has_direction() ? "known" : "unknown"; };
   if (a->has_direction() != b->has_direction())
@@ -36,40 +36,40 @@ std::string difference(const Zones& found, const Zones& wanted) {
 }
 
 // Describes how the axes differ if is_near() returned false.
-std::string difference(const ColumnAxis& found, const ColumnAxis& wanted) {
-  if (found.count == 0 || wanted.count == 0) return "one of the two axes is missing";
-  if (found.quantity != wanted.quantity || found.unit != wanted.unit)
+std::string difference(const ColumnAxis& found, const ColumnAxis& expected) {
+  if (found.count == 0 || expected.count == 0) return "one of the two axes is missing";
+  if (found.quantity != expected.quantity || found.unit != expected.unit)
     return "quantity or unit differs";
-  if (found.scale != wanted.scale)
-    return format("scale is %.4g, expected %.4g", found.scale, wanted.scale);
+  if (found.scale != expected.scale)
+    return format("scale is %.4g, expected %.4g", found.scale, expected.scale);
   std::string out;
   const auto add = [&](const std::string& text) { out += (out.empty() ? "" : "; ") + text; };
-  const auto off = [&](std::uint32_t i) { return std::abs(found.at(i) - wanted.at(i)); };
-  const double limit = std::abs(wanted.step);
+  const auto off = [&](std::uint32_t i) { return std::abs(found.at(i) - expected.at(i)); };
+  const double limit = std::abs(expected.step);
   if (off(0) > limit) add(format("start differs by %.4g bins (limit 1)", off(0) / limit));
-  if (const double drift = wanted.count * std::abs(found.step - wanted.step); drift > limit)
+  if (const double drift = expected.count * std::abs(found.step - expected.step); drift > limit)
     add(format("step differs: %.4g bins at the end of the axis (limit 1)", drift / limit));
-  if (found.count < wanted.count)
-    add(format("too short: %u bins, expected %u", found.count, wanted.count));
-  if (const std::string zones = difference(found.zones, wanted.zones); !zones.empty()) add(zones);
-  return out.empty() ? format("end differs by %.4g bins (limit 1)", off(wanted.count) / limit)
+  if (found.count < expected.count)
+    add(format("too short: %u bins, expected %u", found.count, expected.count));
+  if (const std::string zones = difference(found.zones, expected.zones); !zones.empty()) add(zones);
+  return out.empty() ? format("end differs by %.4g bins (limit 1)", off(expected.count) / limit)
                      : out;
 }
 
-// Returns true if `wanted` is identical to `found` or to the first part of `found`.
-bool covers(ColumnAxis found, const ColumnAxis& wanted) {
-  found.count = std::min(found.count, wanted.count);
-  return agree(found, wanted);
+// Returns true if `expected` is identical to `found` or to the first part of `found`.
+bool covers(ColumnAxis found, const ColumnAxis& expected) {
+  found.count = std::min(found.count, expected.count);
+  return agree(found, expected);
 }
 
-void match(const Dataset& data, Column& column, const ColumnAxis& wanted,
+void match(const Dataset& data, Column& column, const ColumnAxis& expected,
            const std::string& owner) {
-  if (agree(column.axis, wanted)) return;
-  if (!is_near(column.axis, wanted)) throw axis_error(data.path(), column.axis, wanted, owner);
-  Matrix out(0, wanted.size());
+  if (agree(column.axis, expected)) return;
+  if (!is_near(column.axis, expected)) throw axis_error(data.path(), column.axis, expected, owner);
+  Matrix out(0, expected.size());
   for (std::size_t row = 0; row < column.rows; ++row)
-    out.add_row(resampled(column.row(row), column.axis, wanted));
-  column = std::move(out), column.axis = wanted;
+    out.add_row(resampled(column.row(row), column.axis, expected));
+  column = std::move(out), column.axis = expected;
 }
 
 void sum_zones(Dataset& data) {
@@ -82,23 +82,23 @@ void sum_zones(Dataset& data) {
 
 }  // namespace
 
-Error axis_error(const std::string& path, const ColumnAxis& found, const ColumnAxis& wanted,
+Error axis_error(const std::string& path, const ColumnAxis& found, const ColumnAxis& expected,
                  const std::string& whose) {
-  return {ExitCode::failed, printable(path) + ": " + wanted.name + " axis is " + describe(found) +
-                                ", " + whose + " is " + describe(wanted) + ": " +
-                                difference(found, wanted)};
+  return {ExitCode::failed, printable(path) + ": " + expected.name + " axis is " + describe(found) +
+                                ", " + whose + " is " + describe(expected) + ": " +
+                                difference(found, expected)};
 }
 
 std::vector<float> resampled(std::span<const float> row, const ColumnAxis& found,
-                             const ColumnAxis& wanted) {
-  const std::size_t values = wanted.values_per_bin();
-  const bool cropped = covers(found, wanted);
+                             const ColumnAxis& expected) {
+  const std::size_t values = expected.values_per_bin();
+  const bool cropped = covers(found, expected);
   std::vector<float> out;
-  out.reserve(wanted.size());
-  for (; out.size() < wanted.size(); row = row.subspan(found.zone_size()))
-    for (std::uint32_t j = 0; j < wanted.count; ++j) {
+  out.reserve(expected.size());
+  for (; out.size() < expected.size(); row = row.subspan(found.zone_size()))
+    for (std::uint32_t j = 0; j < expected.count; ++j) {
       const double place = cropped ? j
-                                   : std::clamp((wanted.at(j) - found.start) / found.step, 0.0,
+                                   : std::clamp((expected.at(j) - found.start) / found.step, 0.0,
                                                 static_cast<double>(found.count - 1));
       const auto i = static_cast<std::size_t>(place);
       const std::size_t next = std::min<std::size_t>(i + 1, found.count - 1);
@@ -116,12 +116,12 @@ bool agree(const ColumnAxis& a, const ColumnAxis& b) {
   return same_axis(a, other) && std::ranges::equal(a.zones, b.zones, same_view);
 }
 
-bool is_near(const ColumnAxis& found, const ColumnAxis& wanted) {
-  const auto off = [&](std::uint32_t i) { return std::abs(found.at(i) - wanted.at(i)); };
-  return found.quantity == wanted.quantity && found.unit == wanted.unit &&
-         found.scale == wanted.scale && found.count >= wanted.count &&
-         off(0) <= std::abs(wanted.step) && off(wanted.count) <= std::abs(wanted.step) &&
-         std::ranges::equal(found.zones, wanted.zones, same_view);
+bool is_near(const ColumnAxis& found, const ColumnAxis& expected) {
+  const auto off = [&](std::uint32_t i) { return std::abs(found.at(i) - expected.at(i)); };
+  return found.quantity == expected.quantity && found.unit == expected.unit &&
+         found.scale == expected.scale && found.count >= expected.count &&
+         off(0) <= std::abs(expected.step) && off(expected.count) <= std::abs(expected.step) &&
+         std::ranges::equal(found.zones, expected.zones, same_view);
 }
 
 Axis radar_bins(double width_m) {
@@ -167,25 +167,25 @@ void rebin_radar(Dataset& data, const Axis& bins) {
   drop_array(data);
 }
 
-void match_axes(Dataset& data, const Layout& wanted, Inputs inputs, const std::string& owner) {
+void match_axes(Dataset& data, const Layout& expected, Inputs inputs, const std::string& owner) {
   const SensorSet sensors = sensors_of(inputs);
   if (sensors.contains(Sensor::spd)) {
-    if (wanted.spd.zones.size() == 1) sum_zones(data);
-    match(data, data.spd(), wanted.spd, owner);
+    if (expected.spd.zones.size() == 1) sum_zones(data);
+    match(data, data.spd(), expected.spd, owner);
   }
   if (sensors.contains(Sensor::radar)) {
-    if (wanted.radar.quantity == "binned_power" && data.radar().axis.quantity == "power")
-      rebin_radar(data, wanted.radar);
-    match(data, data.radar(), wanted.radar, owner);
+    if (expected.radar.quantity == "binned_power" && data.radar().axis.quantity == "power")
+      rebin_radar(data, expected.radar);
+    match(data, data.radar(), expected.radar, owner);
   }
-  if (inputs != Inputs::fused || wanted.array.count == 0) return drop_array(data);
+  if (inputs != Inputs::fused || expected.array.count == 0) return drop_array(data);
   if (data.array().axis.count == 0)
     throw Error(
         ExitCode::failed,
         printable(data.path()) +
             ": contains no radar antenna samples, which the model needs; for such runs train a "
             "model with --inputs fused-profile");
-  match(data, data.array(), wanted.array, owner);
+  match(data, data.array(), expected.array, owner);
 }
 
 }  // namespace echofuse::recon

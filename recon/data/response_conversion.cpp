@@ -99,9 +99,9 @@ double noise_factor_of(const std::vector<double>& weights) {
 }  // namespace
 
 std::vector<double> response_filter(const record::RadarResponse& own,
-                                    const record::RadarResponse& wanted, double step_m) {
+                                    const record::RadarResponse& expected, double step_m) {
   using Eigen::Index, Eigen::MatrixXd, Eigen::VectorXd;
-  const double cell_m = std::max(own.cell_m, wanted.cell_m);
+  const double cell_m = std::max(own.cell_m, expected.cell_m);
   const auto reach = std::clamp<std::ptrdiff_t>(
       static_cast<std::ptrdiff_t>(std::ceil(reach_cells * cell_m / step_m)), 1, max_reach);
   const Index count = 2 * reach + 1, places = 2 * parts * 2 * reach + 1;
@@ -110,7 +110,7 @@ std::vector<double> response_filter(const record::RadarResponse& own,
   for (Index i = 0; i < places; ++i) {
     // Range of the target, relative to the output sample.
     const double at_m = static_cast<double>(i - places / 2) / parts * step_m;
-    target[i] = wanted.power(-at_m);
+    target[i] = expected.power(-at_m);
     for (Index j = 0; j < count; ++j)
       responses(i, j) = own.power(static_cast<double>(j - reach) * step_m - at_m);
   }

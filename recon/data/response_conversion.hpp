@@ -14,11 +14,11 @@
 namespace echofuse::recon {
 
 // Returns the 2n + 1 weights of a filter that converts samples of the response `own` to samples of
-// the response `wanted`. Samples are `step_m` apart. The weights apply to the samples from n steps
-// before to n steps after the output sample. The filter is a Wiener filter: the least-squares
+// the response `expected`. Samples are `step_m` apart. The weights apply to the samples from n
+// steps before to n steps after the output sample. The filter is a Wiener filter: the least-squares
 // solution for noise 20 dB below the peak in each sample.
 std::vector<double> response_filter(const record::RadarResponse& own,
-                                    const record::RadarResponse& wanted, double step_m);
+                                    const record::RadarResponse& expected, double step_m);
 
 // Radar response of the training data of a model.
 struct ModelResponse {

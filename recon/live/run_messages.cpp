@@ -71,14 +71,14 @@ std::vector<std::int64_t> spread(const std::vector<std::int64_t>& values, std::s
 const RunMessages::RunSettings& RunMessages::settings() {
   if (std::exchange(settings_edition_, run_.edition()) == run_.edition()) return settings_;
   settings_ = {};
-  const std::map<std::string, double*> wanted{
+  const std::map<std::string, double*> expected{
       {"tdc.laser_rate_hz", &settings_.laser_hz},
       {"signal.clicks_per_pulse", &settings_.max_clicks_per_pulse},
       {"alert.after_s", &settings_.alert.after_s},
       {"alert.disk_free_gb", &settings_.alert.disk_free_gb}};
   for_each_setting(run_.info().config_resolved,
                    [&](const std::string& key, const std::string& value) {
-                     if (const auto at = wanted.find(key); at != wanted.end())
+                     if (const auto at = expected.find(key); at != expected.end())
                        *at->second = std::strtod(value.c_str(), nullptr);
                    });
   return settings_;

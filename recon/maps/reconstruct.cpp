@@ -188,15 +188,15 @@ Rows RunReconstructor::take_rows_asked(const Dataset& data) {
     std::ranges::sort(rows);
     return bad_.clear(), rows;
   }
-  std::set<std::int64_t> wanted = indices_of(options_.rows);
-  std::erase_if(bad_, [&](const RecordStatus& r) { return !wanted.contains(r.index); });
-  for (const RecordStatus& r : bad_) wanted.erase(r.index);
+  std::set<std::int64_t> expected = indices_of(options_.rows);
+  std::erase_if(bad_, [&](const RecordStatus& r) { return !expected.contains(r.index); });
+  for (const RecordStatus& r : bad_) expected.erase(r.index);
   Rows rows;
   for (std::size_t row = 0; row < data.size(); ++row)
-    if (wanted.erase(data.index[row]) > 0) rows.push_back(row);
-  if (!wanted.empty())
+    if (expected.erase(data.index[row]) > 0) rows.push_back(row);
+  if (!expected.empty())
     throw Error(ExitCode::failed,
-                "--rows: the run has no record " + std::to_string(*wanted.begin()));
+                "--rows: the run has no record " + std::to_string(*expected.begin()));
   return rows;
 }
 

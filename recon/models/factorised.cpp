@@ -158,14 +158,15 @@ Matrix Factorised::position_targets(const Bodies& seen) const {
 
 TrainingLog Factorised::fit_position(const Bodies& train, const RotatedBodies& rotated,
                                      const Bodies& validation, const FitOptions& options) {
-  const Matrix wanted = position_targets(train), assessed = position_targets(validation);
+  const Matrix expected = position_targets(train), assessed = position_targets(validation);
   const Rows rows = all_rows(train.rows.size()), assessed_rows = all_rows(validation.rows.size());
   Training training = training_of(options);
   adapt_to(rows.size(), training);
   training.weights = {1, depth_weight};
   training.redraw = augment_positions(rotated);
-  return model_.place.fit({train.views, wanted, rows}, {validation.views, assessed, assessed_rows},
-                          Spread::each, training, place_networks, "position");
+  return model_.place.fit({train.views, expected, rows},
+                          {validation.views, assessed, assessed_rows}, Spread::each, training,
+                          place_networks, "position");
 }
 
 void Factorised::fit_components(const Bodies& train, const Samples& samples,
@@ -185,15 +186,15 @@ void Factorised::fit_components(const Bodies& train, const Samples& samples,
 bool Factorised::fit_shape(const Bodies& train, const Samples& train_samples,
                            const RotatedBodies& rotated, const Bodies& validation,
                            const Samples& validation_samples, const FitOptions& options) {
-  const Matrix wanted = amounts(train, train_samples);
+  const Matrix expected = amounts(train, train_samples);
   const Matrix assessed = amounts(validation, validation_samples);
   const Rows rows = all_rows(train.rows.size()), assessed_rows = all_rows(validation.rows.size());
   Training training = training_of(options);
   adapt_to(rows.size(), training);
   training.redraw = augment_shapes(rotated);
   return model_.shape
-      .fit({train.views, wanted, rows}, {validation.views, assessed, assessed_rows}, Spread::common,
-           training, rows.size() >= many_records ? 1 : shape_networks, "shape")
+      .fit({train.views, expected, rows}, {validation.views, assessed, assessed_rows},
+           Spread::common, training, rows.size() >= many_records ? 1 : shape_networks, "shape")
       .interrupted;
 }
 

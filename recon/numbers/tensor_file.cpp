@@ -222,9 +222,9 @@ std::vector<T> TensorFile::read(const std::string& name, const TensorShape& shap
   const Tensor& tensor = found(name);
   if (tensor.type != type_of<T>())
     refuse(name, "has type " + tensor.type + "; expected " + type_of<T>());
-  const bool fits =
-      std::equal(shape.begin(), shape.end(), tensor.shape.begin(), tensor.shape.end(),
-                 [](std::size_t wanted, std::size_t is) { return wanted == any || wanted == is; });
+  const bool fits = std::equal(
+      shape.begin(), shape.end(), tensor.shape.begin(), tensor.shape.end(),
+      [](std::size_t required, std::size_t is) { return required == any || required == is; });
   if (!fits) refuse(name, "has shape " + to_text(tensor.shape) + "; expected " + to_text(shape));
   std::vector<T> out = to_values<T>(tensor.values);
   if constexpr (std::is_floating_point_v<T>)

@@ -71,9 +71,9 @@ std::vector<TrainingPlan> wanted_of(const Dataset& data, const std::string& name
   return out;
 }
 
-Estimator train_one(const TrainingPlan& wanted, const Dataset& data, const Split& split,
+Estimator train_one(const TrainingPlan& expected, const Dataset& data, const Split& split,
                     const SceneModel& scene, const TrainOptions& options) {
-  const auto& [name, inputs, scaling, fit, enough_validation] = wanted;
+  const auto& [name, inputs, scaling, fit, enough_validation] = expected;
   const bool aligned = wants_alignment(candidate_of(name, fit).model);
   const bool uncertainties = options.uncertainty && has_enough_records(split) &&
                              !ignores_inputs(candidate_of(name, fit).model);
@@ -95,8 +95,8 @@ Estimator train_one(const TrainingPlan& wanted, const Dataset& data, const Split
       out, data, preprocessing.views, split, options.split,
       [&](const Split& part) {
         say(options, "  fitting model " + std::to_string(++models) + " to part of the records");
-        return fit_model(data, part, preprocessing, wanted.name, wanted.inputs, wanted.scaling,
-                         quiet);
+        return fit_model(data, part, preprocessing, expected.name, expected.inputs,
+                         expected.scaling, quiet);
       },
       enough_validation);
   return out;
@@ -111,9 +111,9 @@ TrainedModel train_split(const Dataset& data, const Split& split, const SceneMod
   model.data_hash = data.hash;
   model.response = ModelResponse(data, options.any_response);
   model.exclusions = data.exclusions;
-  for (const TrainingPlan& wanted : wanted_of(data, name, options)) {
+  for (const TrainingPlan& expected : wanted_of(data, name, options)) {
     if (!model.estimators.empty() && interrupted()) break;
-    Estimator one = train_one(wanted, data, split, scene, options);
+    Estimator one = train_one(expected, data, split, scene, options);
     // If training was interrupted, the estimator `one` is incomplete.
     if (!model.estimators.empty() && interrupted()) break;
     model.estimators.push_back(std::move(one));

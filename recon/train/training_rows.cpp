@@ -146,7 +146,7 @@ std::string alike_neighbours(const Dataset& data, const Rows& rows) {
   const auto apart = [&](std::size_t i, std::size_t k) {
     return distance(maps.row(i), maps.row(k));
   };
-  std::size_t assessed = 0, alike = 0;
+  std::size_t assessed = 0, similar = 0;
   for (std::size_t i = 1; i + 1 < rows.size(); i += rows.size() / sample + 1, ++assessed) {
     const double near = std::min(apart(i, i - 1), apart(i, i + 1));
     bool nearest = true;
@@ -154,14 +154,14 @@ std::string alike_neighbours(const Dataset& data, const Rows& rows) {
     for (std::size_t k = 0; k < others && nearest; ++k)
       nearest =
           near < apart(i, (i + rows.size() / 8 + k * rows.size() * 3 / 4 / others) % rows.size());
-    alike += nearest;
+    similar += nearest;
   }
-  if (static_cast<double>(alike) <= max_share * static_cast<double>(assessed)) return {};
+  if (static_cast<double>(similar) <= max_share * static_cast<double>(assessed)) return {};
   return format(
       "consecutive records are alike: for %zu of %zu records, the depth map of an adjacent record "
       "is more similar than those of %zu distant records; a random split gives optimistic scores; "
       "use --split blocked",
-      alike, assessed, others);
+      similar, assessed, others);
 }
 
 std::string recurring_scenes(const Dataset& data, const Split& split, const SceneModel& scene) {

@@ -241,11 +241,11 @@ void match_for_tuning(const TrainedModel& from, const std::string& path, Dataset
   require_map(data, from->scene.grid, "the model");
   const Features& f = from->features;
   const Layout used = f.layout();
-  for (const auto& [found, wanted] : {std::pair{&data.spd(), &used.spd},
-                                      {&data.radar(), &used.radar},
-                                      {&data.array(), &used.array}})
-    if (wanted->count > 0 && found->axis.count == 0)
-      throw Error(ExitCode::failed, printable(data.path()) + ": has no " + wanted->name +
+  for (const auto& [found, expected] : {std::pair{&data.spd(), &used.spd},
+                                        {&data.radar(), &used.radar},
+                                        {&data.array(), &used.array}})
+    if (expected->count > 0 && found->axis.count == 0)
+      throw Error(ExitCode::failed, printable(data.path()) + ": has no " + expected->name +
                                         ", which " + printable(path) + " needs (" +
                                         name_of(f.inputs) + ")");
   match_axes(data, f.axes, f.inputs);

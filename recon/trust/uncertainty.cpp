@@ -198,7 +198,7 @@ std::vector<double> linear_fit(const Matrix& inputs, std::span<const float> targ
   const std::size_t n = inputs.rows, d = inputs.cols;
   std::vector<float> x = inputs.values;
   std::vector<float> squares(d * d), scale(d);
-  std::vector<double> wanted(d);
+  std::vector<double> expected(d);
   const double all = std::accumulate(counts.begin(), counts.end(), 0.0);
   for (std::size_t i = 0; i < n; ++i) {
     const auto root = static_cast<float>(std::sqrt(double{counts[i]} / all));
@@ -206,19 +206,19 @@ std::vector<double> linear_fit(const Matrix& inputs, std::span<const float> targ
       float& v = x[i * d + c];
       v *= root;
       scale[c] += v * v;
-      wanted[c] += double{v} * double{targets[i] * root};
+      expected[c] += double{v} * double{targets[i] * root};
     }
   }
   for (float& s : scale) s = s > 0 ? 1 / std::sqrt(s) : 0;
   for (std::size_t i = 0; i < n; ++i)
     for (std::size_t c = 0; c < d; ++c) x[i * d + c] *= scale[c];
-  for (std::size_t c = 0; c < d; ++c) wanted[c] *= double{scale[c]};
+  for (std::size_t c = 0; c < d; ++c) expected[c] *= double{scale[c]};
   multiply({d, d, n, Transpose::yes, Transpose::no}, x.data(), x.data(), squares.data());
   const auto size = static_cast<Eigen::Index>(d);
   Eigen::MatrixXd normal = Eigen::Map<Eigen::MatrixXf>(squares.data(), size, size).cast<double>();
   normal.diagonal().array() += l2_penalty;
   const Eigen::VectorXd solved =
-      normal.ldlt().solve(Eigen::Map<Eigen::VectorXd>(wanted.data(), size));
+      normal.ldlt().solve(Eigen::Map<Eigen::VectorXd>(expected.data(), size));
   std::vector<double> out(d);
   for (std::size_t c = 0; c < d; ++c)
     out[c] = solved(static_cast<Eigen::Index>(c)) * double{scale[c]};

@@ -158,8 +158,8 @@ ExitCode run_dataset(DatasetArguments& a) {
               << human_duration(seconds) << "\n";
   if (!a.options.quiet && plan.objects > 0) std::cout << object_text(plan.conditions) << "\n";
   const auto all = static_cast<std::int64_t>(scenes_of(plan).size());
-  const std::int64_t wanted = a.options.part ? a.options.part->range(all).size() : all;
-  return written == wanted ? ExitCode::ok : ExitCode::interrupted;
+  const std::int64_t expected = a.options.part ? a.options.part->range(all).size() : all;
+  return written == expected ? ExitCode::ok : ExitCode::interrupted;
 }
 
 void add_dataset(CLI::App& app, Command& command) {

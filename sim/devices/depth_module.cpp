@@ -260,12 +260,12 @@ class DepthDriver final : public oni::driver::DriverBase {
     if (fd_ >= 0) close(fd_);
     fd_ = -1;
   }
-  OniStatus tryDevice(const char* wanted) override {
-    return present_ && wanted == uri ? ONI_STATUS_OK : ONI_STATUS_ERROR;
+  OniStatus tryDevice(const char* expected) override {
+    return present_ && expected == uri ? ONI_STATUS_OK : ONI_STATUS_ERROR;
   }
-  oni::driver::DeviceBase* deviceOpen(const char* wanted, const char*) override {
+  oni::driver::DeviceBase* deviceOpen(const char* expected, const char*) override {
     const std::lock_guard lock(mutex_);
-    if (!present_ || wanted != uri) return nullptr;
+    if (!present_ || expected != uri) return nullptr;
     return new Camera(camera_, streams_);
   }
   void deviceClose(oni::driver::DeviceBase* device) override { delete device; }

@@ -113,12 +113,12 @@ class RadarBoard final : public Device {
       return;
     }
     std::vector<RadarTlv> tlvs;
-    const RadarOutputs& wanted = firmware_.outputs();
-    if (wanted.objects) tlvs.push_back(objects_tlv());
+    const RadarOutputs& expected = firmware_.outputs();
+    if (expected.objects) tlvs.push_back(objects_tlv());
     if (last_profile_.empty() || !injector_.active(FaultKind::freeze)) sample_frame();
-    if (wanted.range_profile) tlvs.push_back(range_profile_tlv(last_profile_));
-    if (wanted.heat_map) tlvs.push_back(last_heat_map_);
-    if (wanted.stats) {
+    if (expected.range_profile) tlvs.push_back(range_profile_tlv(last_profile_));
+    if (expected.heat_map) tlvs.push_back(last_heat_map_);
+    if (expected.stats) {
       tlvs.push_back(stats_tlv(stats()));
       tlvs.push_back(temperature_tlv(temperature()));
     }
@@ -131,7 +131,7 @@ class RadarBoard final : public Device {
     put_on_line(wire);
     ++frames_;
     transmit_us_ = static_cast<double>(wire.size()) * 1e7 / firmware_.data_baud();
-    if (wanted.measure_bias) report_bias(received_power());
+    if (expected.measure_bias) report_bias(received_power());
   }
 
   std::vector<double> received_power() {
@@ -213,9 +213,9 @@ class RadarBoard final : public Device {
   }
 
   void report_bias(const std::vector<double>& power) {
-    const RadarOutputs& wanted = firmware_.outputs();
-    const double bias_m =
-        measured_range_bias_m(power, chirp().firmware_step_m(), wanted.target_m, wanted.search_m);
+    const RadarOutputs& expected = firmware_.outputs();
+    const double bias_m = measured_range_bias_m(power, chirp().firmware_step_m(), expected.target_m,
+                                                expected.search_m);
     firmware_.say(format("compRangeBiasAndRxChanPhase %.7f", bias_m) + antennas_.coefficients() +
                   "\n");
   }

@@ -59,12 +59,12 @@ bool is_ours(const fs::path& dir) {
   });
 }
 
-fs::path make_directory(const std::string& wanted) {
+fs::path make_directory(const std::string& expected) {
   std::error_code error;
-  fs::create_directories(wanted, error);
-  if (!fs::is_directory(wanted))
-    throw Error(ExitCode::usage, wanted + ": cannot create the directory: " + error.message());
-  const fs::path dir = fs::canonical(wanted);
+  fs::create_directories(expected, error);
+  if (!fs::is_directory(expected))
+    throw Error(ExitCode::usage, expected + ": cannot create the directory: " + error.message());
+  const fs::path dir = fs::canonical(expected);
   const std::string socket = (dir / "depth.sock").string();
   if (socket.size() >= sizeof(sockaddr_un::sun_path))
     throw Error(ExitCode::usage, dir.string() + ": the path is too long for a socket (" +

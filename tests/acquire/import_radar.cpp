@@ -112,11 +112,11 @@ TEST_CASE(
   // Several neighbouring frames have damaged times, at any place.
   for (const auto& [first, last] :
        {std::pair{1u, 2u}, {1u, 5u}, {20u, 24u}, {57u, 60u}, {10u, 45u}})
-    for (const bool alike : {true, false}) {
+    for (const bool similar : {true, false}) {
       RadarFile damaged;
       for (std::uint32_t n = 1; n <= 60; ++n)
-        damaged.frame(n, n * 0.0499 + (n < first || n > last ? 0 : alike ? 10.74 : 0.37 * n * n));
-      if (last - first < 10 || !alike)
+        damaged.frame(n, n * 0.0499 + (n < first || n > last ? 0 : similar ? 10.74 : 0.37 * n * n));
+      if (last - first < 10 || !similar)
         check(damaged, even, std::to_string(last - first + 1) + " frames have impossible times");
     }
   RadarFile half, twice, block;

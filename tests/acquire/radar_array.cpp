@@ -83,11 +83,11 @@ TEST_CASE("the mean and the covariance of the antenna array are averages over fr
       }
       close_to(bin.mean(m), mean, 1e3);
       for (std::size_t n = 0; n < antennas; ++n) {
-        std::complex<double> wanted = 0;
+        std::complex<double> required = 0;
         for (const auto& frame : frames)
-          wanted += std::complex<double>(frame[b * antennas + m]) *
-                    std::conj(std::complex<double>(frame[b * antennas + n])) / double{count};
-        close_to(bin.covariance(m, n), wanted, 1e6);
+          required += std::complex<double>(frame[b * antennas + m]) *
+                      std::conj(std::complex<double>(frame[b * antennas + n])) / double{count};
+        close_to(bin.covariance(m, n), required, 1e6);
       }
     }
     close_to(bin.lag(), lag, 1e7);

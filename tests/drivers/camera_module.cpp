@@ -182,8 +182,8 @@ class Module final : public DriverBase {
     deviceConnected(&info_);
     return ONI_STATUS_OK;
   }
-  DeviceBase* deviceOpen(const char* wanted, const char*) override {
-    return present && std::strcmp(wanted, uris[place]) == 0 ? new Camera : nullptr;
+  DeviceBase* deviceOpen(const char* expected, const char*) override {
+    return present && std::strcmp(expected, uris[place]) == 0 ? new Camera : nullptr;
   }
   void deviceClose(DeviceBase* device) override { delete device; }
   OniStatus tryDevice(const char*) override { return ONI_STATUS_ERROR; }

@@ -32,8 +32,8 @@ ExitCode run(int argc, char** argv) {
   // Adds noise, because no two frames of a real camera are equal.
   options.conditions.depth_noise_m = 0.0005;
   sim::UsbBed bed;
-  options.make_tagger = [&](auto& loop, auto& player, const auto& wanted) {
-    auto tagger = sim::make_tdc_usb(loop, player, bed, wanted);
+  options.make_tagger = [&](auto& loop, auto& player, const auto& expected) {
+    auto tagger = sim::make_tdc_usb(loop, player, bed, expected);
     std::string address = tagger->address();
     return sim::LabTagger{std::move(tagger), std::move(address), bed.environment()};
   };

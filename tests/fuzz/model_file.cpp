@@ -172,20 +172,21 @@ class Editor {
   // Changes either the first value or all values of a tensor.
   void value(const std::string& name) {
     const bool all = byte() % 2 == 0;
-    const double wanted = number();
+    const double expected = number();
     if (!sound(name)) return;
     const nlohmann::json& type =
         model_
             .head[name]["dtype"];  // `type` may have any value, because entry() may have changed it
-    const auto narrow = static_cast<float>(wanted);
+    const auto narrow = static_cast<float>(expected);
     Bytes one;
     if (type == "F32")
       put(one, narrow);
     else if (type == "F64")
-      put(one, wanted);
+      put(one, expected);
     else
-      put(one, std::isfinite(wanted) && std::abs(wanted) < 9e18 ? static_cast<std::int64_t>(wanted)
-                                                                : std::int64_t{-1});
+      put(one, std::isfinite(expected) && std::abs(expected) < 9e18
+                   ? static_cast<std::int64_t>(expected)
+                   : std::int64_t{-1});
     const std::size_t end =
         all ? model_.end_of(name) : std::min(model_.end_of(name), model_.begin_of(name) + 8);
     for (std::size_t at = model_.begin_of(name); at + one.size() <= end; at += one.size())

@@ -63,13 +63,13 @@ TEST_CASE("random maps of any size are read back as written, as an array and as 
   const std::size_t pixels = std::size_t{size} * size;
   scene.background.assign(pixels, 0), scene.mean_map.assign(pixels, 0);
   const Folder dir;
-  std::map<std::int64_t, std::vector<float>> wanted;
+  std::map<std::int64_t, std::vector<float>> expected;
   for (const char* format : {"npy", "mm"}) {
     std::filesystem::create_directory(dir / format);
     recon::MapFiles files(dir / format, {format}, scene);
     std::string table = "record,status\n";
     for (const std::int64_t index : {0L, 3L, 4L, 1234567L}) {
-      std::vector<float>& map = wanted[index];
+      std::vector<float>& map = expected[index];
       if (map.empty()) map.resize(pixels);
       if (std::string(format) == "npy")
         std::ranges::generate(map, [&] { return none(rng) ? 0 : depth_m(rng); });
@@ -79,15 +79,15 @@ TEST_CASE("random maps of any size are read back as written, as an array and as 
     files.close();
     std::ofstream(dir / format + "/records.csv") << table;
     const recon::WrittenMaps read = recon::read_written_maps(dir / format, scene.grid);
-    REQUIRE(read.of_index.size() == wanted.size());
+    REQUIRE(read.of_index.size() == expected.size());
     const double step_m = std::string(format) == "mm" ? 0.5e-3 : 0;
-    for (const auto& [index, map] : wanted) {
+    for (const auto& [index, map] : expected) {
       const std::vector<float> shown = recon::within_span(map, scene),
                                &found = read.of_index.at(index);
       for (std::size_t i = 0; i < pixels; ++i)
         REQUIRE(double{std::abs(found[i] - shown[i])} <= 1.01 * step_m);
     }
-    if (step_m == 0) CHECK(read.without.size() == wanted.size());
+    if (step_m == 0) CHECK(read.without.size() == expected.size());
   }
 }
 

@@ -49,9 +49,9 @@ Dataset run_of(const record::RadarResponse& response, const std::vector<float>& 
   return data;
 }
 
-void convert(Dataset& data, const record::RadarResponse& wanted, bool any = false) {
+void convert(Dataset& data, const record::RadarResponse& expected, bool any = false) {
   ModelResponse response;
-  response.radar = wanted, response.any = any;
+  response.radar = expected, response.any = any;
   response.convert(data);
 }
 
@@ -65,15 +65,15 @@ double greatest_difference(std::span<const float> a, std::span<const float> b) {
 }  // namespace
 
 TEST_CASE("a range profile is converted from a narrow to a wide radar response") {
-  for (const auto& [own, wanted] : {std::pair{sinc, hann}, {sinc, blackman}, {hann, blackman}}) {
+  for (const auto& [own, expected] : {std::pair{sinc, hann}, {sinc, blackman}, {hann, blackman}}) {
     Dataset data = run_of(own, profile(own));
-    convert(data, wanted);
-    CHECK(greatest_difference(profiles(data).row(0), profile(wanted)) < 0.02);
+    convert(data, expected);
+    CHECK(greatest_difference(profiles(data).row(0), profile(expected)) < 0.02);
     // The profile of a sensor that receives nothing must remain zero.
     CHECK(greatest_difference(profiles(data).row(1), std::vector<float>(29)) == 0);
-    CHECK(data.sources[0].response.radar == wanted);
+    CHECK(data.sources[0].response.radar == expected);
     Dataset again = data;
-    convert(again, wanted);
+    convert(again, expected);
     CHECK(profiles(again).values == profiles(data).values);
   }
 }

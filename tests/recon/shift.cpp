@@ -29,12 +29,12 @@ std::vector<float> echo(double place) {
 TEST_CASE("a narrow radar echo keeps its shape when shifted by a fraction of a bin") {
   for (const double steps : {0.2, 0.5, -0.7, 3.3, -5.0}) {
     CAPTURE(steps);
-    const auto moved = Shift(steps).apply(echo(20.4)), wanted = echo(20.4 - steps);
+    const auto moved = Shift(steps).apply(echo(20.4)), expected = echo(20.4 - steps);
     // The tolerance is 2.5 % of the peak. For comparison, linear interpolation halfway between
     // samples has an error of 19 %.
-    for (std::size_t i = 10; i < 30; ++i) CHECK(moved[i] == Approx(wanted[i]).margin(0.025));
+    for (std::size_t i = 10; i < 30; ++i) CHECK(moved[i] == Approx(expected[i]).margin(0.025));
     CHECK(std::accumulate(moved.begin(), moved.end(), 0.) ==
-          Approx(std::accumulate(wanted.begin(), wanted.end(), 0.)).epsilon(1e-2));
+          Approx(std::accumulate(expected.begin(), expected.end(), 0.)).epsilon(1e-2));
   }
 }
 

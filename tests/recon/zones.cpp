@@ -63,9 +63,9 @@ TEST_CASE("each zone histogram is interpolated to the time axis of the model") {
   const Folder folder;
   write_zones(folder / "a", Zones(2), 10);
   Dataset data = load({folder / "a"});
-  ColumnAxis wanted = photons(data).axis;
-  wanted.start = 50;
-  match_axes(data, {wanted, profiles(data).axis}, Inputs::spd);
+  ColumnAxis expected = photons(data).axis;
+  expected.start = 50;
+  match_axes(data, {expected, profiles(data).axis}, Inputs::spd);
   CHECK(photons(data).row(0)[10] == Approx(50));
   CHECK(photons(data).row(0)[bins + 10] == Approx(50));
   CHECK(photons(data).row(0)[bins + 11] == Approx(50));

@@ -103,9 +103,9 @@ TEST_CASE("motion during a chirp sequence changes antenna phases and reduces the
     const std::size_t peak = 14 * 8;
     for (std::size_t m = 0; m < 8; ++m) {
       const double late = m < 4 ? 0 : radar.chirp_s;
-      const auto wanted =
+      const auto required =
           Complex(y[peak + m]) * loss * std::polar(1.0, -4 * pi * v * late / wavelength);
-      check_near(Complex(x[peak + m]), wanted, 1e-3 * std::abs(Complex(y[peak])));
+      check_near(Complex(x[peak + m]), required, 1e-3 * std::abs(Complex(y[peak])));
     }
   }
 }

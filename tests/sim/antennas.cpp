@@ -291,9 +291,10 @@ TEST_CASE("a cached room echo plus the changes by bodies equals the fully render
     add_room(room.light, rate);
     add_room(power.power, profile);
     const auto whole = radar_returns(scene, c);
-    const auto wanted = spd_rate(spd_returns(scene, c), c);
+    const auto expected = spd_rate(spd_returns(scene, c), c);
     const auto wanted_profile = radar_power(whole, radar.axis);
-    for (std::size_t i = 0; i < rate.size(); ++i) CHECK(rate[i] == Approx(wanted[i]).margin(1e-6));
+    for (std::size_t i = 0; i < rate.size(); ++i)
+      CHECK(rate[i] == Approx(expected[i]).margin(1e-6));
     for (std::size_t i = 0; i < profile.size(); ++i)
       CHECK(profile[i] == Approx(wanted_profile[i]).margin(1e-9));
     Rng a(3), b(3);

@@ -307,7 +307,7 @@ TEST_CASE("unequal side walls break the left-right symmetry of light and radar e
   c.radar_rays = 288, c.radar_resolution_m = 0.1, c.radar_step_m = 0.05, c.radar_bins = 140;
   Conditions direct = c;
   direct.multipath_order = 0;
-  const Room alike = room_of({side_wall(-1.2, 0), side_wall(1.2, 0)});
+  const Room similar = room_of({side_wall(-1.2, 0), side_wall(1.2, 0)});
   const Room differ = room_of({side_wall(-1.2, 0), side_wall(0.9, 0)});
   Scene scene = make_scene(c, {SceneKind::person}, 3, 0);
   // The albedo of the walls is 0, so the walls themselves cause no direct echo.
@@ -318,7 +318,7 @@ TEST_CASE("unequal side walls break the left-right symmetry of light and radar e
            *std::max_element(seen.begin(), seen.end());
   };
   CHECK(sides(differ, direct) < 1e-3);
-  CHECK(sides(alike, c) < 1e-3);
+  CHECK(sides(similar, c) < 1e-3);
   CHECK(sides(differ, c) > 0.03);
 
   const Room bright = room_of({side_wall(-1.2, 0.8), side_wall(1.2, 0.2)});

@@ -370,14 +370,14 @@ struct TwoBoards : RadarBench {
     setup.data = other.data.opener();
     driver.emplace(loop, setup);
   }
-  bool reach(DeviceState wanted, std::chrono::milliseconds period) {
+  bool reach(DeviceState required, std::chrono::milliseconds period) {
     const HostTime end = loop.now() + 10s;
-    while (state() != wanted && loop.now() < end) {
+    while (state() != required && loop.now() < end) {
       other.data.send(other.frame());
       run_until(
-          loop, [&] { return state() == wanted; }, period);
+          loop, [&] { return state() == required; }, period);
     }
-    return state() == wanted;
+    return state() == required;
   }
   RadarBoard other;
 };
