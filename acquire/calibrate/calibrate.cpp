@@ -14,9 +14,9 @@
 
 #include "acquire/calibrate/array_calibration.hpp"
 #include "acquire/calibrate/calibrate_output.hpp"
+#include "acquire/calibrate/calibration_update.hpp"
 #include "acquire/calibrate/peak.hpp"
 #include "acquire/calibrate/response_fit.hpp"
-#include "acquire/calibrate/stored.hpp"
 #include "acquire/config/calibration.hpp"
 #include "acquire/devices/devices.hpp"
 #include "drivers/util/console.hpp"

@@ -6,9 +6,9 @@
 #include <optional>
 #include <string>
 
+#include "acquire/calibrate/antenna_side.hpp"
 #include "acquire/calibrate/peak.hpp"
 #include "acquire/calibrate/reflector.hpp"
-#include "acquire/calibrate/side.hpp"
 #include "acquire/config/config.hpp"
 #include "drivers/port/loop.hpp"
 #include "drivers/util/exit_code.hpp"

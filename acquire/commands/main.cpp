@@ -20,7 +20,7 @@
 #include "acquire/commands/commands.hpp"
 #include "acquire/commands/options.hpp"
 #include "acquire/config/config.hpp"
-#include "acquire/devices/ask.hpp"
+#include "acquire/devices/device_check.hpp"
 #include "acquire/doctor/doctor.hpp"
 #include "acquire/import/import.hpp"
 #include "acquire/measurement/response.hpp"

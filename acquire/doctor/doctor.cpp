@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
-#include "acquire/devices/ask.hpp"
+#include "acquire/devices/device_check.hpp"
 #include "acquire/run/disk.hpp"
 #include "drivers/util/console.hpp"
 #include "drivers/util/printable.hpp"

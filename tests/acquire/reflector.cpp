@@ -7,7 +7,7 @@
 #include <numbers>
 
 #include "../catch.hpp"
-#include "acquire/calibrate/side.hpp"
+#include "acquire/calibrate/antenna_side.hpp"
 #include "drivers/core/axis.hpp"
 
 using namespace echofuse;

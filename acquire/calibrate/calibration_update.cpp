@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "acquire/calibrate/stored.hpp"
+#include "acquire/calibrate/calibration_update.hpp"
 
 #include <cmath>
 #include <cstdio>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "acquire/devices/ask.hpp"
+#include "acquire/devices/device_check.hpp"
 
 #include <algorithm>
 #include <cstdio>

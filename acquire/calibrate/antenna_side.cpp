@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "acquire/calibrate/side.hpp"
+#include "acquire/calibrate/antenna_side.hpp"
 
 #include <cmath>
 #include <complex>
