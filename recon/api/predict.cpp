@@ -68,15 +68,15 @@ Dataset dataset_of(const TrainedModel& model, std::span<const float> spd,
     put_row(data.radar(), takes.axes.radar, radar, "radar");
     if (!radar.empty()) valid.insert(Sensor::radar);
   }
-  data.valid = {valid.bits()};
-  data.index = {0}, data.slot_end = {HostTime{}}, data.clicks_per_pulse = {0}, data.label = {""};
+  data.records.resize(1);
+  data.records[0].valid = valid;
   data.sources.resize(1);
   data.sources[0].count = 1;
   return data;
 }
 
 DepthMap map_of(const TrainedModel& model, Dataset data) {
-  const bool complete = data.has_inputs(0, model.for_run(data).features.inputs);
+  const bool complete = has_inputs(data, 0, model.for_run(data).features.inputs);
   DepthMap out =
       public_map(map_record(model, std::move(data), fullest_detail(model)), model->scene);
   if (!out.fault.empty())

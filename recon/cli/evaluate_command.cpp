@@ -72,8 +72,8 @@ void write_records(const std::string& path, const Dataset& data, const SceneMode
   for (const MethodScores& one : all)
     for (std::size_t i = 0; i < one.rows.size(); ++i) {
       const std::size_t row = one.rows[i];
-      out += format("%lld,", static_cast<long long>(data.index[row])) + csv_text(data.label[row]) +
-             ',' + csv_text(one.name);
+      out += format("%lld,", static_cast<long long>(data.records[row].index)) +
+             csv_text(data.records[row].label) + ',' + csv_text(one.name);
       const auto number = [](double value) {
         return std::isnan(value) ? "," : format(",%.9g", value);
       };
@@ -191,7 +191,7 @@ ExitCode evaluate_models(const Arguments& a, const Common& common) {
     const Rows whole = rows_to_evaluate(model, records.data, a.all);
     Rows rows = whole;
     std::erase_if(rows,
-                  [&](auto row) { return asked && !records.data.fault_of(row, *asked).empty(); });
+                  [&](auto row) { return asked && !fault_of(records.data, row, *asked).empty(); });
     if (rows.empty())
       throw Error(
           ExitCode::failed,
@@ -204,7 +204,7 @@ ExitCode evaluate_models(const Arguments& a, const Common& common) {
     if (k == 0)
       e.baselines = score_baselines(data, rows, scoring->scene, trained_on,
                                     a.train.empty() ? model.rows_of(trained_on, Subset::train)
-                                                    : trained_on.usable(model->features.inputs),
+                                                    : usable(trained_on, model->features.inputs),
                                     title("scoring baselines"));
     set_threads(1);
     e.cost = measure_cost(model, records.data, rows, a.files[k]);
@@ -235,7 +235,7 @@ void leave_out_unasked(const std::string& asked, const std::vector<WrittenMaps>&
   std::set<std::int64_t> expected;
   if (asked == "test") {
     for (const std::size_t row : make_split(rows_to_train(data, inputs_of(data)).rows, {}).test)
-      expected.insert(data.index[row]);
+      expected.insert(data.records[row].index);
   } else {
     for (const WrittenMaps& maps : folders) {
       for (const auto& [index, map] : maps.of_index) expected.insert(index);
@@ -243,7 +243,7 @@ void leave_out_unasked(const std::string& asked, const std::vector<WrittenMaps>&
     }
   }
   for (std::size_t row = 0; row < left_out.size(); ++row)
-    if (!expected.contains(data.index[row])) left_out[row] = "excluded by --rows";
+    if (!expected.contains(data.records[row].index)) left_out[row] = "excluded by --rows";
 }
 
 // Returns, for each record, the reason why it is not scored; empty if it is scored.
@@ -328,7 +328,7 @@ ExitCode evaluate_maps(const Arguments& a, const Common& common) {
                         evaluate(models[k], records[k], rows, title("scoring"), scoring).scores});
   const std::vector<ScoredRow> baselines = score_baselines(
       data, rows, scoring.scene, a.train.empty() ? data : other,
-      a.train.empty() ? Rows{} : other.usable(Inputs::fused), title("scoring baselines"));
+      a.train.empty() ? Rows{} : usable(other, Inputs::fused), title("scoring baselines"));
   if (!a.per_record.empty()) write_records(a.per_record, data, scoring.scene, maps.all);
   std::vector<ScoredRow> scored;
   for (const MethodScores& one : maps.all) scored.push_back({one.name, summarise(one.scores)});

@@ -43,7 +43,7 @@ std::vector<ListedRow> rows_of_training(const Dataset& data, const Arguments& a)
   std::vector<ListedRow> out;
   for (std::size_t row = 0; row < data.size(); ++row)
     out.push_back(
-        {data.sources[data.source_of(row)].path, data.index[row], "", usable.reasons[row]});
+        {data.sources[data.source_of(row)].path, data.records[row].index, "", usable.reasons[row]});
   for (const auto& [part, rows] : {std::pair{Subset::train, &split.train},
                                    {Subset::validation, &split.validation},
                                    {Subset::test, &split.test}})
@@ -61,7 +61,7 @@ std::vector<ListedRow> rows_of_model(const std::string& path, const Dataset& rec
   const std::vector<std::string> left_out = left_out_of_evaluation(model, data, false);
   std::vector<ListedRow> out;
   for (std::size_t row = 0; row < data.size(); ++row)
-    out.push_back({data.sources[data.source_of(row)].path, data.index[row],
+    out.push_back({data.sources[data.source_of(row)].path, data.records[row].index,
                    left_out[row].empty() ? "test" : "", left_out[row]});
   for (const Subset part : {Subset::train, Subset::validation})
     for (const std::size_t row : model.rows_of(data, part))

@@ -127,7 +127,7 @@ void predict_one(const TrainedModel& model, const std::vector<std::string>& runs
     const std::int64_t index = model.training.index.front();
     Dataset one = load_part(file, index, 1, sensors_of(model->features.inputs),
                             [](std::int64_t, const std::string&) {});
-    if (one.size() == 0 || one.index[0] != index) continue;
+    if (one.size() == 0 || one.records[0].index != index) continue;
     predict(model, prepare_records(model, std::move(one)).data, {0});
     return;
   }

@@ -125,16 +125,16 @@ class Appender {
     add_row(depth, {}, depth.axis);
     if (r.has(Sensor::depth))
       record::to_target(r.depth_mm, x_, y_, data_.map, depth.row(depth.rows - 1));
-    data_.valid.push_back(r.valid.bits());
-    auto& verdicts = data_.verdicts.emplace_back();
-    for (const Sensor s : all_sensors) verdicts[s] = r.sync[s].verdict.kind;
+    RecordInfo& info = data_.records.emplace_back();
+    info = {.valid = r.valid,
+            .index = r.index,
+            .slot_end = r.slot_end,
+            .clicks_per_pulse = a_pulse,
+            .label = r.label};
+    for (const Sensor s : all_sensors) info.verdicts[s] = r.sync[s].verdict.kind;
     using enum record::VerdictKind;
-    const auto kind = r.sync[Sensor::spd].verdict.kind;
-    data_.content.push_back(kind == weak || kind == stands_still ? 0 : fingerprint_of(r));
-    data_.index.push_back(r.index);
-    data_.slot_end.push_back(r.slot_end);
-    data_.clicks_per_pulse.push_back(a_pulse);
-    data_.label.push_back(r.label);
+    if (const auto kind = info.verdicts[Sensor::spd]; kind != weak && kind != stands_still)
+      info.content = fingerprint_of(r);
     ++data_.sources.back().count;
     return {};
   }

@@ -15,6 +15,7 @@
 #include "acquire/record/run_file.hpp"
 #include "drivers/util/exit_code.hpp"
 #include "recon/data/column.hpp"
+#include "recon/data/exclusion.hpp"
 #include "recon/data/response.hpp"
 
 namespace echofuse::recon {
@@ -56,17 +57,16 @@ struct DamagedRecord {
 };
 std::string to_text(const DamagedRecord& damaged);  // returns "RUN: record 3: REASON"
 
-// Reason to exclude a record: all bins of the SPD or radar have the same value.
-inline constexpr const char* dead_record = "the same in every bin";
-// Reason to exclude a record: it was used for training or validation of the model.
-inline constexpr const char* trained_on_record = "trained on";
-// Reason to exclude a record: an earlier record of the run has the same counts.
-inline constexpr const char* twice_in_run = "twice in the run";
-
-// Verdicts that exclude a record: doubtful ones, and "lossy". A model stores the exclusions of its
-// training, and match() applies them to the records that it processes.
-struct Exclusions {
-  bool doubtful = true, lossy = false;
+// Facts about a record that are not in its columns.
+struct RecordInfo {
+  SensorSet valid;                            // sensors that have data
+  PerSensor<record::VerdictKind> verdicts{};  // ok if the record has no verdicts
+  std::int64_t content = 0;                   // fingerprint (recon/data/copies.hpp); 0 if unknown
+  std::int64_t index = 0;                     // index of the record in its run
+  HostTime slot_end{};
+  // Number of clicks per laser pulse; 0 if it is unknown or pile-up has been corrected.
+  double clicks_per_pulse = 0;
+  std::string label{};
 };
 
 // Records of one or several runs as columns, one row per record.
@@ -77,19 +77,8 @@ struct Dataset {
                               {{}, Sensor::depth, Noise::none},
                               {{}, Sensor::radar, Noise::lags}};
   record::MapGrid map;  // grid of the depth maps
-  // Bit mask of the sensors that have data in the record: bit 0 SPD, bit 1 radar, bit 2 depth
-  // camera.
-  std::vector<std::uint32_t> valid;
-  // Kind of the verdict (quality flag) on each sensor. The vector is empty if the records have no
-  // verdicts.
-  std::vector<PerSensor<record::VerdictKind>> verdicts;
+  std::vector<RecordInfo> records;
   Exclusions exclusions;
-  std::vector<std::int64_t> content;  // fingerprints (recon/data/copies.hpp); may be empty
-  std::vector<std::int64_t> index;    // index of the record in its run
-  std::vector<HostTime> slot_end;
-  // Number of clicks per laser pulse; 0 if it is unknown or pile-up has been corrected.
-  std::vector<double> clicks_per_pulse;
-  std::vector<std::string> label;
   std::vector<Source> sources;
   std::vector<DamagedRecord> damaged;  // unreadable records, which have no row
   std::uint32_t hash = 0;              // CRC-32C of the tables
@@ -108,44 +97,18 @@ struct Dataset {
   Column& array() { return columns[3]; }
   const Column& array() const { return columns[3]; }
 
-  std::size_t size() const { return valid.size(); }
-  // Returns the number of photons per SPD bin, summed over the zones.
-  std::vector<float> counts(std::size_t row) const;
+  std::size_t size() const { return records.size(); }
+  bool has(std::size_t row, Sensor s) const { return records[row].valid.contains(s); }
   // Returns the path of the first run, for messages.
   std::string path() const { return sources.empty() ? "run" : sources.front().path; }
-  bool has(std::size_t row, Sensor s) const { return SensorSet::from_bits(valid[row]).contains(s); }
-  // Returns true if the run has antenna samples but this record has none.
-  bool lacks_array(std::size_t row) const;
   std::size_t source_of(std::size_t row) const;  // index into `sources`
-  // Returns the width of the row's measured radar response divided by the width of the converted
-  // response. Returns 1 if the response was not converted.
-  double times_wider(std::size_t row) const;
-  bool has_inputs(std::size_t row, Inputs inputs) const;
-  // Returns why a model with these inputs cannot use the record; empty if it can. A sensor is dead
-  // if all its bins have the same value.
-  std::string fault_of(std::size_t row, Inputs inputs) const;
-  // Returns true if the verdict excludes the data of a sensor: as an input, or the depth map as a
-  // ground truth.
-  bool excluded(std::size_t row, Sensor s) const;
-  // Returns the verdict that makes a model with these inputs exclude a complete record, e.g.
-  // "camera stands still" or "SPD weak"; empty if the record is not excluded. Verdicts on the
-  // camera are ignored if `with_camera` is false.
-  std::string doubt_of(std::size_t row, Inputs inputs, bool with_camera = true) const;
-  // Returns true if the depth camera, or a sensor used by these inputs, lost samples in this
-  // record.
-  bool is_lossy(std::size_t row, Inputs inputs) const;
-  // For each row, returns why a model with these inputs excludes it, or an empty string if the row
-  // is used. Reasons: a sensor is missing, dead or doubtful, or the row is a copy of an earlier
-  // record.
-  std::vector<std::string> left_out(Inputs inputs) const;
-  // Returns true if the row has a depth map and no camera verdict excludes it.
-  bool sound_depth(std::size_t row) const;
-  Rows usable(Inputs inputs) const;  // returns the rows that left_out() does not exclude
 };
 
-// Returns a summary such as "3 of 60 records left out: camera stands still 2, damaged 1"; empty if
-// no record is left out.
-std::string left_out_text(const std::map<std::string, std::size_t>& reasons, std::size_t all);
+// Returns the number of photons per SPD bin of a row, summed over the zones.
+std::vector<float> counts_of(const Dataset& data, std::size_t row);
+// Returns the width of the row's measured radar response divided by the width of the converted
+// response. Returns 1 if the response was not converted.
+double times_wider(const Dataset& data, std::size_t row);
 
 // Called for each unusable record, with the record's index and the reason.
 using OnBadRecord = std::function<void(std::int64_t, const std::string&)>;

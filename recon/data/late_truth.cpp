@@ -60,7 +60,7 @@ Lag lag_of(const Dataset& data, const Means& means, std::size_t begin, std::size
     std::vector<double> ranges, own, other;
     for (std::size_t row = begin; row < end; ++row) {
       const std::size_t of = row + static_cast<std::size_t>(lag);
-      if (of < begin || of >= end || data.index[row] + lag != data.index[of] ||
+      if (of < begin || of >= end || data.records[row].index + lag != data.records[of].index ||
           std::isnan(means.range[row] + means.depth[row] + means.depth[of]))
         continue;
       ranges.push_back(means.range[row]);
@@ -100,8 +100,8 @@ std::string late_truth_of(const Dataset& data, const Source& run, const Means& m
   const std::string where =
       from == run.first && to == end
           ? ""
-          : format("records %lld to %lld: ", static_cast<long long>(data.index[from]),
-                   static_cast<long long>(data.index[to - 1]));
+          : format("records %lld to %lld: ", static_cast<long long>(data.records[from].index),
+                   static_cast<long long>(data.records[to - 1].index));
   return printable(run.path) + ": " + where +
          format(
              "histogram ranges fit the depth maps %s %s (correlation %.2f) better than their own "
@@ -116,9 +116,9 @@ std::string late_truth(const Dataset& data) {
   if (data.spd().axis.count == 0 || data.depth().cols == 0) return {};
   Means means{std::vector<double>(data.size(), NAN), std::vector<double>(data.size(), NAN)};
   for (std::size_t row = 0; row < data.size(); ++row) {
-    if (data.has(row, Sensor::spd) && data.doubt_of(row, Inputs::spd, false).empty())
-      means.range[row] = mean_bin(data.counts(row));
-    if (data.sound_depth(row)) means.depth[row] = mean_depth(data.depth().row(row));
+    if (data.has(row, Sensor::spd) && doubt_of(data, row, Inputs::spd, false).empty())
+      means.range[row] = mean_bin(counts_of(data, row));
+    if (sound_depth(data, row)) means.depth[row] = mean_depth(data.depth().row(row));
   }
   std::string out;
   for (const Source& run : data.sources)

@@ -76,7 +76,7 @@ void sum_zones(Dataset& data) {
   Column& spd = data.spd();
   if (spd.axis.zones.size() == 1) return;
   Matrix out(0, spd.axis.count);
-  for (std::size_t row = 0; row < spd.rows; ++row) out.add_row(data.counts(row));
+  for (std::size_t row = 0; row < spd.rows; ++row) out.add_row(counts_of(data, row));
   spd = std::move(out), spd.axis.zones = single_pixel();
 }
 

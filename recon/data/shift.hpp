@@ -16,7 +16,7 @@ class Shift {
   explicit Shift(double steps = 0);
   // Returns the shifted values. Values that are shifted in from beyond the ends of the axis are 0.
   // A constant row (dead sensor) is not changed, because zeros at its ends would hide the fault
-  // from Dataset::fault_of().
+  // from fault_of().
   std::vector<float> apply(const std::vector<float>& values) const;
   // Shifts each of the `stride` interleaved columns of a row.
   void apply(std::span<float> row, std::size_t stride) const;

@@ -193,7 +193,7 @@ Rows RunReconstructor::take_rows_asked(const Dataset& data) {
   for (const RecordStatus& r : bad_) expected.erase(r.index);
   Rows rows;
   for (std::size_t row = 0; row < data.size(); ++row)
-    if (expected.erase(data.index[row]) > 0) rows.push_back(row);
+    if (expected.erase(data.records[row].index) > 0) rows.push_back(row);
   if (!expected.empty())
     throw Error(ExitCode::failed,
                 "--rows: the run has no record " + std::to_string(*expected.begin()));
@@ -208,7 +208,7 @@ void RunReconstructor::take_all(const record::RunReader& run) {
   // Also finds training records by their counts, in case the run is a copy with another identifier.
   std::set<std::int64_t> trained = trained_on(model_, run.info().uuid);
   for (const std::size_t row : model_.rows_trained_on(records.data))
-    trained.insert(records.data.index[row]);
+    trained.insert(records.data.records[row].index);
   mark(options_, model_, run, trained);
   // Threading: this thread tests the run and writes one part, while other threads predict and
   // encode the next parts.
@@ -280,7 +280,7 @@ void RunReconstructor::write(const Records& records, std::span<const std::size_t
                              PreparedMaps made) {
   for (std::size_t i = 0; i < made.size(); ++i)
     if (auto& [status, files] = made[i]; files)
-      files_.write(*files), time(status, records.data.slot_end[rows[i]]);
+      files_.write(*files), time(status, records.data.records[rows[i]].slot_end);
   for (const auto& [status, files] : made) report_damaged(status.index), report(status);
 }
 

@@ -180,20 +180,21 @@ std::vector<std::string> left_out_of_maps(const std::vector<WrittenMaps>& folder
   Copies copies;
   std::vector<std::string> out(data.size());
   for (std::size_t row = 0; row < data.size(); ++row) {
-    const std::int64_t index = data.index[row];
-    out[row] = data.has(row, Sensor::depth) ? data.doubt_of(row, Inputs::fused) : "camera missing";
+    const std::int64_t index = data.records[row].index;
+    out[row] = data.has(row, Sensor::depth) ? doubt_of(data, row, Inputs::fused) : "camera missing";
     if (!out[row].empty()) continue;
     for (const WrittenMaps& maps : folders) {
       if (!all && maps.trained_on.contains(index)) out[row] = trained_on_record;
     }
-    if (out[row].empty() && copies.first(data.content[row], row) != row) out[row] = twice_in_run;
+    if (out[row].empty() && copies.first(data.records[row].content, row) != row)
+      out[row] = twice_in_run;
   }
   return out;
 }
 
 std::size_t count_maps(const WrittenMaps& maps, const Dataset& data, const Rows& rows) {
   const auto answered = static_cast<std::size_t>(std::ranges::count_if(
-      rows, [&](std::size_t row) { return maps.of_index.contains(data.index[row]); }));
+      rows, [&](std::size_t row) { return maps.of_index.contains(data.records[row].index); }));
   if (answered == 0)
     refuse(maps.name, format("has %zu maps, but none for the %zu scored records",
                              maps.of_index.size(), rows.size()));
@@ -204,7 +205,7 @@ Matrix maps_of(const WrittenMaps& maps, const Dataset& data, const Rows& rows,
                const std::vector<float>& empty) {
   Matrix out(0, data.depth().cols);
   for (const std::size_t row : rows) {
-    const auto own = maps.of_index.find(data.index[row]);
+    const auto own = maps.of_index.find(data.records[row].index);
     out.add_row(own == maps.of_index.end() ? empty : own->second);
   }
   return out;

@@ -122,7 +122,7 @@ Matrix observe(const Dataset& data, const Rows& rows, const Features& sensors) {
     const auto copy = [&](const Column& column, std::span<float> part) {
       std::copy_n(column.row(rows[i]).begin(), part.size(), part.begin());
     };
-    if (!to.counts.empty()) std::ranges::copy(data.counts(rows[i]), to.counts.begin());
+    if (!to.counts.empty()) std::ranges::copy(counts_of(data, rows[i]), to.counts.begin());
     copy(data.radar(), to.power), copy(data.array(), to.lags), copy(data.spd(), to.zones);
   }
   return out;

@@ -55,8 +55,8 @@ double range_of(std::span<const float> power, const std::vector<float>& room, co
 std::string line_of(const Dataset& data, const Source& run) {
   Rows rows;
   for (std::size_t row = run.first; row < run.first + run.count; ++row)
-    if (data.sound_depth(row) && data.has(row, Sensor::radar) &&
-        data.doubt_of(row, Inputs::radar, false).empty())
+    if (sound_depth(data, row) && data.has(row, Sensor::radar) &&
+        doubt_of(data, row, Inputs::radar, false).empty())
       rows.push_back(row);
   if (rows.size() < min_records) return {};
   const SceneModel scene = learn_scene(data.depth(), rows, data.map);

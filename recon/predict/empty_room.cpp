@@ -65,8 +65,8 @@ EmptyRoom empty_room_of(const Dataset& empty, const std::string& path) {
   std::map<std::string, std::size_t> reasons;
   for (std::size_t row = 0; row < empty.size(); ++row) {
     std::string why =
-        empty.has_inputs(row, all) ? empty.doubt_of(row, all, false) : "missing sensor";
-    if (why.empty() && !empty.fault_of(row, all).empty()) why = dead_record;
+        has_inputs(empty, row, all) ? doubt_of(empty, row, all, false) : "missing sensor";
+    if (why.empty() && !fault_of(empty, row, all).empty()) why = dead_record;
     why.empty() ? rows.push_back(row) : void(++reasons[why]);
   }
   const std::string left_out = left_out_text(reasons, empty.size());
@@ -75,7 +75,7 @@ EmptyRoom empty_room_of(const Dataset& empty, const std::string& path) {
                                       " records have data of all sensors; expected at least 5" +
                                       (left_out.empty() ? "" : "; " + left_out));
   Matrix counts(0, empty.spd().axis.count);
-  for (const std::size_t row : rows) counts.add_row(empty.counts(row));
+  for (const std::size_t row : rows) counts.add_row(counts_of(empty, row));
   const std::vector<double> mean = column_means(counts, all_rows(rows.size()));
   if (scatter(counts, mean) > max_scatter + max_scatter_a_count * mean_of(mean))
     throw Error(ExitCode::failed,

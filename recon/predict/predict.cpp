@@ -182,10 +182,10 @@ std::vector<MappedRecord> map_records(const TrainedModel& model, const Records& 
   Rows usable, places;
   for (const std::size_t row : rows) {
     RecordStatus& status = out.emplace_back().status;
-    status = {data.index[row], model.fault_of(data, row), model.note_of(data, row), {}};
+    status = {data.records[row].index, model.fault_of(data, row), model.note_of(data, row), {}};
     if (!status.fault.empty()) continue;
     const Estimator* by = model.estimator_for(data, row);
-    status.doubt = data.doubt_of(row, (by ? *by : model.for_run(data)).features.inputs, false);
+    status.doubt = doubt_of(data, row, (by ? *by : model.for_run(data)).features.inputs, false);
     usable.push_back(row), places.push_back(out.size() - 1);
   }
   const Prediction all = predict(model, data, usable, detail);
@@ -208,7 +208,7 @@ MappedRecord map_record(const TrainedModel& model, Dataset recorded, PredictionD
   // Checks for missing sensors first, because a run in progress may not yet have an axis for such a
   // sensor.
   if (std::string fault = model.fault_of(recorded, 0); !fault.empty())
-    return {{recorded.index[0], std::move(fault), {}, {}}, {}, {}};
+    return {{recorded.records[0].index, std::move(fault), {}, {}}, {}, {}};
   const Records records = prepare_records(model, std::move(recorded));
   return std::move(map_records(model, records, std::vector<std::size_t>{0}, detail).front());
 }
@@ -220,7 +220,7 @@ MappedRecord map_record(const TrainedModel& model, const record::RunReader& run,
                            [&](std::int64_t at, const std::string& why) {
                              if (at == index) fault = why;
                            });
-  if (data.size() == 0 || data.index[0] != index) return {{index, fault, {}, {}}, {}, {}};
+  if (data.size() == 0 || data.records[0].index != index) return {{index, fault, {}, {}}, {}, {}};
   return map_record(model, std::move(data), detail);
 }
 

@@ -29,9 +29,9 @@ TrainingRecords training_records(const Dataset& data, const Split& split) {
   const auto add = [&](const Rows& rows, Subset part) {
     for (const std::size_t row : rows) {
       training.run.push_back(static_cast<std::uint32_t>(data.source_of(row)));
-      training.index.push_back(data.index[row]);
+      training.index.push_back(data.records[row].index);
       training.part.push_back(static_cast<std::uint8_t>(part));
-      training.hash.push_back(data.content.empty() ? 0 : data.content[row]);
+      training.hash.push_back(data.records[row].content);
     }
   };
   add(split.train, Subset::train);
@@ -80,7 +80,7 @@ void TrainedModel::match(Dataset& data) const {
 
 const Estimator* TrainedModel::estimator_for(const Dataset& data, std::size_t row) const {
   for (const Estimator* e = &for_run(data); e <= &estimators.back(); ++e)
-    if (data.fault_of(row, e->features.inputs).empty()) return e;
+    if (recon::fault_of(data, row, e->features.inputs).empty()) return e;
   return nullptr;
 }
 
@@ -92,7 +92,7 @@ std::string TrainedModel::note_of(const Dataset& data, std::size_t row) const {
 }
 
 std::string TrainedModel::fault_of(const Dataset& data, std::size_t row) const {
-  return estimator_for(data, row) ? "" : data.fault_of(row, for_run(data).features.inputs);
+  return estimator_for(data, row) ? "" : recon::fault_of(data, row, for_run(data).features.inputs);
 }
 
 bool TrainedModel::knows(const Dataset& data) const {
@@ -106,8 +106,8 @@ Rows TrainedModel::rows_trained_on(const Dataset& data) const {
     if (training.part[i] != static_cast<std::uint8_t>(Subset::test))
       known.first(training.hash[i], i);
   std::set<std::size_t> rows;
-  for (std::size_t row = 0; row < data.content.size(); ++row)
-    if (known.contains(data.content[row])) rows.insert(row);
+  for (std::size_t row = 0; row < data.size(); ++row)
+    if (known.contains(data.records[row].content)) rows.insert(row);
   for (const Subset part : {Subset::train, Subset::validation})
     for (const std::size_t row : rows_of(data, part)) rows.insert(row);
   return {rows.begin(), rows.end()};
@@ -119,7 +119,7 @@ Rows TrainedModel::rows_of(const Dataset& data, Subset part) const {
   for (std::size_t s = 0; s < runs.size(); ++s)
     for (std::size_t i = 0; i < data.sources[s].count; ++i) {
       const std::size_t row = data.sources[s].first + i;
-      row_of[{runs[s], data.index[row]}] = row;
+      row_of[{runs[s], data.records[row].index}] = row;
     }
   Rows rows;
   for (std::size_t i = 0; i < training.index.size(); ++i) {

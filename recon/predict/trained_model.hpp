@@ -10,7 +10,7 @@
 //            response/cell_m and any; N/model, N/inputs, N/scaling,
 //            N/axes/SENSOR/..., N/scene/map_size and others, N/alignment/config/KEY, N/training/...
 //   tensors  response/taps; per record split/run, split/index, split/part (0 train, 1 validation,
-//            2 test), and split/hash of its sensor data (Dataset::content); N/scene/background_m
+//            2 test), and split/hash of its sensor data (RecordInfo::content); N/scene/background_m
 //            and mean_map_m; N/alignment/counts, power and lags: the background; N/model/...:
 //            learnt values; N/domain/..., N/uncertainty/...
 #pragma once
@@ -32,7 +32,7 @@ struct TrainingRecords {
   std::vector<std::uint32_t> run;   // index of the record's run in `runs`
   std::vector<std::int64_t> index;  // index of the record in its run
   std::vector<std::uint8_t> part;   // Subset that contains the record
-  std::vector<std::int64_t> hash;   // hash of the record's data, Dataset::content
+  std::vector<std::int64_t> hash;   // hash of the record's data, RecordInfo::content
 };
 
 struct TrainedModel {

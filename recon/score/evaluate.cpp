@@ -55,7 +55,7 @@ Rows with_depth(const Dataset& data) {
 // Returns the rows with a depth map that is not excluded by the camera verdict.
 Rows with_sound_depth(const Dataset& data) {
   Rows rows = all_rows(data.size());
-  std::erase_if(rows, [&](std::size_t row) { return !data.sound_depth(row); });
+  std::erase_if(rows, [&](std::size_t row) { return !sound_depth(data, row); });
   return rows;
 }
 
@@ -67,7 +67,7 @@ Rows with_map_and_depth(const TrainedModel& model, const Dataset& data) {
 
 std::string doubt_of(const TrainedModel& model, const Dataset& data, std::size_t row) {
   const Estimator* by = model.estimator_for(data, row);
-  return by ? data.doubt_of(row, by->features.inputs) : "";
+  return by ? doubt_of(data, row, by->features.inputs) : "";
 }
 
 // Returns the rows that are not in `unwanted`. Both lists must be sorted.
@@ -151,8 +151,8 @@ std::vector<std::string> left_out_of_evaluation(const TrainedModel& model, const
   Copies copies;
   for (std::size_t row = 0; row < data.size(); ++row) {
     if (out[row].empty()) out[row] = doubt_of(model, data, row);
-    if (!out[row].empty() || data.content.empty()) continue;
-    if (copies.first(data.content[row], row) != row) out[row] = twice_in_run;
+    if (!out[row].empty()) continue;
+    if (copies.first(data.records[row].content, row) != row) out[row] = twice_in_run;
   }
   return out;
 }
@@ -239,7 +239,7 @@ void add_doubtful(const TrainedModel& model, const Records& records, Evaluation&
 TwoPeopleCounts count_two_people(const Evaluation& e, const Dataset& data) {
   TwoPeopleCounts out;
   for (std::size_t i = 0; i < e.uncertainties.size(); ++i) {
-    if (data.label[e.rows[i]] != two_people_label) continue;
+    if (data.records[e.rows[i]].label != two_people_label) continue;
     ++out.records, out.flagged += !e.uncertainties[i].out_of_distribution.reason.empty();
   }
   return out;
@@ -267,7 +267,7 @@ Evaluation evaluate(const TrainedModel& model, const Records& records, const Row
   if (!model.knows(data)) {
     for (const std::size_t row : with_depth(data))
       if (!model.fault_of(data, row).empty())
-        ++out.faults[data.has_inputs(row, out.inputs) ? dead_record : "missing sensor"];
+        ++out.faults[has_inputs(data, row, out.inputs) ? dead_record : "missing sensor"];
     out.trained_on = model.rows_trained_on(data).size();
     out.of = data.size();
   }
@@ -285,11 +285,9 @@ std::vector<ScoredRow> score_baselines(const Dataset& data, const Rows& rows,
                                        Rows neighbours, const std::string& title) {
   const auto inputs = common_inputs(data, neighbours_data);
   Copies scored_records;
-  for (const std::size_t row : rows)
-    if (!data.content.empty()) scored_records.first(data.content[row], row);
+  for (const std::size_t row : rows) scored_records.first(data.records[row].content, row);
   std::erase_if(neighbours, [&](std::size_t row) {
-    return !neighbours_data.content.empty() &&
-           scored_records.contains(neighbours_data.content[row]);
+    return scored_records.contains(neighbours_data.records[row].content);
   });
   const bool with_nearest = !neighbours.empty() && inputs;
   Progress progress(title, with_nearest ? 3 : 2, title.empty());

@@ -76,7 +76,7 @@ struct Evaluation {
   // number of all records (`of`). Copies are not scored unless requested.
   std::size_t trained_on = 0, of = 0;
   std::size_t twice = 0;  // number of records excluded as copies of earlier records in the run
-  // Number of records excluded for each verdict (Dataset::doubt_of), and the scores if these
+  // Number of records excluded for each verdict (doubt_of), and the scores if these
   // records are included.
   std::map<std::string, std::size_t> doubtful;
   Summaries with_doubtful = {};

@@ -41,7 +41,7 @@ struct TrainOptions {
 struct TrainingRows {
   Rows rows;
   std::string left_out;
-  // Why each row is excluded; empty if the row is used (see Dataset::left_out).
+  // Why each row is excluded; empty if the row is used (see left_out).
   std::vector<std::string> reasons;
 };
 // Returns the records to train with. Throws Error(failed) if a required sensor is missing from all

@@ -55,7 +55,7 @@ TrainingRows rows_to_train(const Dataset& data, Inputs inputs) {
   std::string first_fault = data.damaged.empty() ? "" : to_text(data.damaged.front());
   bool doubtful = false;
   TrainingRows out;
-  out.reasons = data.left_out(inputs);
+  out.reasons = left_out(data, inputs);
   for (std::size_t row = 0; row < data.size(); ++row) {
     const std::string& why = out.reasons[row];
     if (why.empty()) {
@@ -63,11 +63,11 @@ TrainingRows rows_to_train(const Dataset& data, Inputs inputs) {
       continue;
     }
     ++reasons[why];
-    doubtful |= why == data.doubt_of(row, inputs);
+    doubtful |= why == doubt_of(data, row, inputs);
     if (why == dead_record && first_fault.empty())
-      first_fault =
-          format("%s: record %lld: %s", path_of(data, row).c_str(),
-                 static_cast<long long>(data.index[row]), data.fault_of(row, inputs).c_str());
+      first_fault = format("%s: record %lld: %s", path_of(data, row).c_str(),
+                           static_cast<long long>(data.records[row].index),
+                           fault_of(data, row, inputs).c_str());
   }
   const std::size_t all = data.size() + data.damaged.size();
   const std::size_t none = reasons[dead_record] + data.damaged.size();
@@ -83,7 +83,7 @@ TrainingRows rows_to_train(const Dataset& data, Inputs inputs) {
     out.left_out += (first_fault.empty() ? "" : " (" + first_fault + ")") +
                     (doubtful ? "; --set doubtful=take includes doubtful records" : "");
   const auto lossy =
-      std::ranges::count_if(out.rows, [&](std::size_t row) { return data.is_lossy(row, inputs); });
+      std::ranges::count_if(out.rows, [&](std::size_t row) { return is_lossy(data, row, inputs); });
   if (lossy > 0)
     out.left_out += format("%s%td lossy records are used; --set lossy=leave excludes them",
                            out.left_out.empty() ? "" : "; ", lossy);

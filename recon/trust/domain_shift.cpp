@@ -174,7 +174,7 @@ DomainShift DomainReference::test(const Alignment& alignment, const Dataset& dat
                                   const Matrix& views) const {
   Rows rows;
   for (std::size_t row = 0; row < data.size(); ++row)
-    if (data.fault_of(row, inputs_).empty()) rows.push_back(row);
+    if (fault_of(data, row, inputs_).empty()) rows.push_back(row);
   const Matrix found = record_numbers_of(alignment, data, views, rows, inputs_);
   if (found.rows < min_records || !known()) return {};
   const Standard standard(numbers_), own(found);

@@ -114,12 +114,14 @@ OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
   Matrix all(0, first_[groups]);
   for (std::size_t i = 0; i < rows.size(); ++i) {
     all.add_row(describe(views.row(rows[i]), data, rows[i]));
-    max_clicks_per_start_ = std::max(max_clicks_per_start_, data.clicks_per_pulse[rows[i]]);
+    max_clicks_per_start_ = std::max(max_clicks_per_start_, data.records[rows[i]].clicks_per_pulse);
   }
   const Rows with_body = learn_ranges(all);
   share_with_body_ = static_cast<double>(with_body.size()) / static_cast<double>(rows.size());
   // Records labelled as two people must not define what a single body looks like.
-  const auto shows_two = [&](std::size_t i) { return data.label[rows[i]] == two_people_label; };
+  const auto shows_two = [&](std::size_t i) {
+    return data.records[rows[i]].label == two_people_label;
+  };
   const auto learn = [&](const Rows& part) {
     Rows usual = usual_rows(part, with_body);
     learn_components(take_rows(all, usual), seed);
@@ -257,7 +259,7 @@ std::vector<OutOfDistributionScore> OutOfDistributionDetector::score(const Matri
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const auto description = describe(views.row(i), data, rows[i]);
     const StatisticValues found = find(description);
-    const Limits limits = limits_for(data.times_wider(rows[i]));
+    const Limits limits = limits_for(times_wider(data, rows[i]));
     OutOfDistributionScore s{limits[t2].share(found.values[t2]),
                              two_bodies_.known() ? limits[two].share(found.values[two]) : NAN,
                              {},
@@ -269,7 +271,7 @@ std::vector<OutOfDistributionScore> OutOfDistributionDetector::score(const Matri
         s.distance = q, group = static_cast<Group>(g);
     const bool has_range = has_spd && shows_body(description);
     const double range_m = has_range ? double{description[first_[range]]} : 0;
-    const double clicks = data.clicks_per_pulse[rows[i]];
+    const double clicks = data.records[rows[i]].clicks_per_pulse;
     if (has_spd && !has_range && share_with_body_ > nearly_all_records)
       s.reason = "empty";
     else if (has_spd && clicks > record::max_clicks_per_pulse &&

@@ -95,9 +95,9 @@ Matrix record_numbers_of(const Alignment& alignment, const Dataset& data, const 
     if (inputs != Inputs::radar && !(view.size() > 0 && shows_body(view))) continue;
     std::vector<float> one(record_number_count, NAN);
     if (inputs != Inputs::radar)
-      std::ranges::copy(
-          numbers_of_spd(alignment.columns(view).histogram, data.counts(row), double{view.back()}),
-          one.begin());
+      std::ranges::copy(numbers_of_spd(alignment.columns(view).histogram, counts_of(data, row),
+                                       double{view.back()}),
+                        one.begin());
     if (inputs != Inputs::spd) {
       const auto power = beyond_leakage(data.radar(), row);
       const auto body = view.empty() ? power : alignment.columns(view).profile;

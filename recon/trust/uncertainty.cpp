@@ -68,7 +68,7 @@ Matrix predictors_of(const Matrix& maps, const SceneModel& scene, const Dataset&
   for_each_part(rows.size(), [&](std::size_t i) {
     const auto row = out.row(i);
     row.front() = static_cast<float>(std::abs(foreground_tangent(maps.row(i), scene)));
-    if (inputs != Inputs::radar) row[1] = std::log(significance(data.counts(rows[i])) + 1);
+    if (inputs != Inputs::radar) row[1] = std::log(significance(counts_of(data, rows[i])) + 1);
     if (inputs == Inputs::spd) return;
     const double smoothed =
         data.sources.empty() ? 1 : data.sources[data.source_of(rows[i])].response.noise_factor;
@@ -177,7 +177,7 @@ std::vector<PredictionUncertainty> UncertaintyModel::trust(const Matrix& views, 
   std::vector<PredictionUncertainty> out;
   for (OutOfDistributionScore& score : detector.score(views, data, rows)) {
     const std::size_t i = out.size();
-    const double interval_m = std::hypot(lateral(predictors.row(i), data.times_wider(rows[i])),
+    const double interval_m = std::hypot(lateral(predictors.row(i), times_wider(data, rows[i])),
                                          range_error_m(data, rows[i], inputs, maps.row(i), scene));
     const bool like_training = score.reason.empty();
     out.push_back({like_training ? interval_m : std::numeric_limits<double>::quiet_NaN(),

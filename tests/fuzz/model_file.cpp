@@ -50,11 +50,11 @@ Dataset plates(std::size_t count) {
     for (std::size_t r = 20; r < 44; ++r)
       for (std::size_t c = centre - 4; c < centre + 4; ++c)
         depth_maps(d).row(i)[r * 64 + c] = static_cast<float>(z);
-    d.valid.push_back(7);
-    d.index.push_back(static_cast<std::int64_t>(i));
-    d.label.push_back("plate");
+    d.records.push_back({.valid = SensorSet::from_bits(7),
+                         .index = static_cast<std::int64_t>(i),
+                         .clicks_per_pulse = 0.01,
+                         .label = "plate"});
   }
-  d.slot_end.resize(count), d.clicks_per_pulse.resize(count, 0.01);
   d.sources.push_back({"plates", "00000000-0000-0000-0000-000000000000", 0, count});
   return d;
 }

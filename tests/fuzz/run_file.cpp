@@ -76,7 +76,7 @@ void read_parts(const RunReader& run) {
         recon::load_part(run, next, 3, recon::sensors_of(recon::Inputs::fused),
                          [&](std::int64_t index, const std::string&) { bad = index; });
     if (data.size() == 0 && bad < 0) return;
-    if (data.size() > 0) bad = std::max(bad, data.index.back());
+    if (data.size() > 0) bad = std::max(bad, data.records.back().index);
     require(bad >= next, "reading advances");
     next = bad + 1;
   }

@@ -118,10 +118,10 @@ TEST_CASE("loading converts antenna samples to spatial lags and reports records 
   const Dataset data = load({dir / "run"});
   CHECK(antenna_lags(data).axis.quantity == "lags");
   CHECK(antenna_lags(data).cols == antenna_lags(data).axis.count * lag_values(7));
-  CHECK(data.fault_of(0, Inputs::fused).empty());
-  CHECK_THAT(data.fault_of(2, Inputs::fused), Catch::Contains("lacks the samples"));
-  CHECK(data.fault_of(2, Inputs::fused_profile).empty());
-  CHECK(data.usable(Inputs::fused) == Rows{0, 1, 3});
+  CHECK(fault_of(data, 0, Inputs::fused).empty());
+  CHECK_THAT(fault_of(data, 2, Inputs::fused), Catch::Contains("lacks the samples"));
+  CHECK(fault_of(data, 2, Inputs::fused_profile).empty());
+  CHECK(usable(data, Inputs::fused) == Rows{0, 1, 3});
   Dataset moved = data;
   // The offset of 0.25 m shifts the data by one range bin.
   subtract_range_offset(moved, 0.25);

@@ -32,8 +32,8 @@ TEST_CASE("two runs are loaded as one data set, but a run and its copy are refus
   CHECK(photons(data).cols == 30);
   CHECK(profiles(data).cols == 24);
   CHECK(depth_maps(data).cols == 4096);
-  CHECK(data.index == std::vector<std::int64_t>{0, 1, 2, 0, 1});
-  CHECK(data.label[0] == "person");
+  CHECK(values_of(data, &RecordInfo::index) == std::vector<std::int64_t>{0, 1, 2, 0, 1});
+  CHECK(data.records[0].label == "person");
   REQUIRE(data.sources.size() == 2);
   CHECK(data.sources[1].first == 3);
   CHECK(data.sources[0].uuid != data.sources[1].uuid);
@@ -77,7 +77,7 @@ TEST_CASE("clicks per laser pulse are read from a record or derived from its cou
       r.spd_counts = {.starts = starts, .in_range = in_range};
       r.signal.clicks_per_pulse = recorded;
     }).write(dir / name);
-    return load({dir / name}).clicks_per_pulse.at(0);
+    return load({dir / name}).records.at(0).clicks_per_pulse;
   };
   CHECK(clicks("a", 1020, 1000, 0.02) == 0.02);
   // Older runs do not store the number of clicks per pulse. If such a run contains equal numbers of
@@ -106,9 +106,9 @@ TEST_CASE("records with a missing sensor keep their row and are excluded from tr
   }).write(dir / "a");
   const Dataset data = load({dir / "a"});
   CHECK(data.size() == 8);
-  CHECK(data.usable(Inputs::fused) == Rows{0, 1, 4, 6, 7});
-  CHECK(data.usable(Inputs::spd) == Rows{0, 1, 3, 4, 6, 7});
-  CHECK(data.usable(Inputs::radar) == Rows{0, 1, 2, 4, 6, 7});
+  CHECK(usable(data, Inputs::fused) == Rows{0, 1, 4, 6, 7});
+  CHECK(usable(data, Inputs::spd) == Rows{0, 1, 3, 4, 6, 7});
+  CHECK(usable(data, Inputs::radar) == Rows{0, 1, 2, 4, 6, 7});
 }
 
 TEST_CASE("a run is interpolated to the axes of another run if they differ by less than a bin") {
@@ -211,7 +211,7 @@ TEST_CASE("records are interpolated to the model axis if the two axes differ by 
   photons(data) = Matrix(0, 5), profiles(data) = Matrix(0, 4);
   photons(data).add_row(std::vector<float>{0, 10, 20, 40, 0});
   profiles(data).add_row(std::vector<float>{1, 2, 4, 8});
-  data.valid = {7};
+  data.records = {{.valid = SensorSet::from_bits(7)}};
   const Axis spd{"spd", "counts", "ps", 5, 104, 10, 1},
       radar{"radar", "power", "m", 4, -0.25, 0.5, 1};
   Dataset moved = data;
@@ -234,7 +234,7 @@ TEST_CASE("summing radar power into wider bins preserves the total power") {
   const auto profile = [](const Axis& axis, std::vector<float> power) {
     Dataset data;
     profiles(data).axis = axis;
-    data.valid = {2};
+    data.records = {{.valid = {Sensor::radar}}};
     profiles(data).cols = axis.count;
     profiles(data).add_row(power);
     return data;
@@ -309,7 +309,7 @@ TEST_CASE("inputs scaled per record do not depend on sensor gains or a flat back
   const Folder dir;
   a_run(40).write(dir / "a");
   const Dataset data = load({dir / "a"});
-  const Rows rows = data.usable(Inputs::fused);
+  const Rows rows = usable(data, Inputs::fused);
   const Features f = fit_features(data, rows, Inputs::fused, "record");
   Dataset changed = data;
   for (float& v : photons(changed).values) v = 4 * v + 50;
@@ -325,7 +325,7 @@ TEST_CASE("scaled inputs have zero mean and the same total variance for each sen
   const Folder dir;
   a_run(60).write(dir / "a");
   const Dataset data = load({dir / "a"});
-  const Rows rows = data.usable(Inputs::fused);
+  const Rows rows = usable(data, Inputs::fused);
   for (const auto& scaling : scaling_names) {
     const Matrix x = fit_features(data, rows, Inputs::fused, scaling).apply(data, rows);
     REQUIRE(x.cols == 54);

@@ -60,7 +60,7 @@ TEST_CASE("the sensors of two loaded files show each body at the same place") {
   const Folder dir;
   const Dataset data = load({kind(5).seed(1).write(dir / "a"), kind(3).seed(2).write(dir / "b")});
   REQUIRE(data.size() == 8);
-  CHECK(data.index == std::vector<std::int64_t>{0, 1, 2, 3, 4, 0, 1, 2});
+  CHECK(values_of(data, &RecordInfo::index) == std::vector<std::int64_t>{0, 1, 2, 3, 4, 0, 1, 2});
   const Zones& zones = photons(data).axis.zones;
   CHECK(zones == kind(1).zones());
   const double pixel = data.map.step();
@@ -73,7 +73,7 @@ TEST_CASE("the sensors of two loaded files show each body at the same place") {
     CHECK(body.low == Approx(-0.3).margin(2 * pixel));
     CHECK(body.high == Approx(0.15).margin(2 * pixel));
     const auto level = static_cast<float>(3 * zones.size());
-    CHECK(centroid(data.counts(row), photons(data).axis, level, 0.5) / ps_per_m ==
+    CHECK(centroid(counts_of(data, row), photons(data).axis, level, 0.5) / ps_per_m ==
           Approx(spd_m).margin(0.06));
     CHECK(centroid(profiles(data).row(row), profiles(data).axis, 0.02f, 0) ==
           Approx(radar_m).margin(0.06));

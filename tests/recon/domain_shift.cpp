@@ -106,7 +106,9 @@ TEST_CASE("records are flagged as saturated or empty only if the training record
     return out;
   };
   Dataset training = plates(200, 1), fresh = plates(3, 2);
-  training.clicks_per_pulse.assign(training.size(), 0.2), fresh.clicks_per_pulse = {0.2, 0.24, 0.3};
+  for (RecordInfo& info : training.records) info.clicks_per_pulse = 0.2;
+  for (std::size_t i = 0; const double clicks : {0.2, 0.24, 0.3})
+    fresh.records[i++].clicks_per_pulse = clicks;
   const auto bright = reasons(training, fresh);
   CHECK(bright[0] != "saturated");
   // 0.24 clicks per pulse is less than 25 % above the 0.2 clicks per pulse of the brightest

@@ -121,7 +121,7 @@ TEST_CASE(
   profiles(change) = repeated_row(std::vector<float>(profiles(data).cols, 0.5f), 1);
   profiles(change).row(0)[20] = 2;
   exchange_room(change.columns, data);
-  CHECK(data.fault_of(3, Inputs::fused) == "radar is the same in every bin");
+  CHECK(fault_of(data, 3, Inputs::fused) == "radar is the same in every bin");
   CHECK(profiles(data).row(4)[0] == before[0] + 0.5f);
   CHECK(profiles(data).row(4)[20] == before[20] + 2);
   write_room(dir / "four", here, 4, 2, false);

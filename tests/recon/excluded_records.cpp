@@ -73,12 +73,12 @@ TEST_CASE("doubtful records are excluded from training") {
     if (r.index == 4) set_verdict(r, Sensor::spd, "saturated: 0.2 clicks per laser pulse");
   }).write(dir / "a");
   const Dataset data = load({dir / "a"});
-  CHECK(data.doubt_of(0, Inputs::fused).empty());
-  CHECK(data.doubt_of(1, Inputs::fused) == "camera stands still");
-  CHECK(data.doubt_of(2, Inputs::fused) == "radar weak");
-  CHECK(data.doubt_of(2, Inputs::spd).empty());
-  CHECK(data.doubt_of(4, Inputs::spd) == "SPD saturated");
-  CHECK(data.usable(Inputs::fused) == Rows{0, 3, 5, 6, 7});
+  CHECK(doubt_of(data, 0, Inputs::fused).empty());
+  CHECK(doubt_of(data, 1, Inputs::fused) == "camera stands still");
+  CHECK(doubt_of(data, 2, Inputs::fused) == "radar weak");
+  CHECK(doubt_of(data, 2, Inputs::spd).empty());
+  CHECK(doubt_of(data, 4, Inputs::spd) == "SPD saturated");
+  CHECK(usable(data, Inputs::fused) == Rows{0, 3, 5, 6, 7});
 }
 
 TEST_CASE("records with lost frames are counted, and are used unless a setting excludes them") {
@@ -92,7 +92,7 @@ TEST_CASE("records with lost frames are counted, and are used unless a setting e
   };
   a_run(40, 1, lossy).write(dir / "a"), a_run(40, 2, lossy).write(dir / "b");
   Dataset data = load({dir / "a"});
-  CHECK(data.usable(Inputs::fused).size() == 39);
+  CHECK(usable(data, Inputs::fused).size() == 39);
   const std::string train = "train --model mean " + (dir / "a") + " --out ";
   CHECK_THAT(recon_program(train + (dir / "m")).text,
              Catch::Contains("2 lossy records are used; --set lossy=leave excludes them"));
@@ -103,7 +103,7 @@ TEST_CASE("records with lost frames are counted, and are used unless a setting e
     CHECK_THAT(recon_program("rows " + (dir / "b") + " --model " + (dir / model)).text,
                Catch::Contains(text));
   data.exclusions.lossy = true;
-  CHECK(data.usable(Inputs::spd).size() == 38);
+  CHECK(usable(data, Inputs::spd).size() == 38);
 }
 
 TEST_CASE("a copied record has the same fingerprint in every run") {
@@ -111,8 +111,10 @@ TEST_CASE("a copied record has the same fingerprint in every run") {
   a_run(6).write(dir / "a"), a_run(3).write(dir / "b"), a_run(3, 2).write(dir / "c");
   const Dataset a = load({dir / "a"});
   const Dataset b = load({dir / "b"}), c = load({dir / "c"});
-  CHECK(b.content == std::vector<std::int64_t>(a.content.begin(), a.content.begin() + 3));
-  CHECK(c.content != b.content);
+  auto of_a = values_of(a, &RecordInfo::content);
+  of_a.resize(3);
+  CHECK(values_of(b, &RecordInfo::content) == of_a);
+  CHECK(values_of(c, &RecordInfo::content) != of_a);
 }
 
 TEST_CASE("the rows command prints the split part of each record or the reason for its exclusion") {
@@ -269,7 +271,8 @@ TEST_CASE(
   };
   const Dataset a = load({dir / "a"});
   Copies originals;
-  for (std::size_t row = 0; row < 60; ++row) CHECK(originals.first(a.content[row], row) == row);
+  for (std::size_t row = 0; row < 60; ++row)
+    CHECK(originals.first(a.records[row].content, row) == row);
   for (const std::string how :
        {"scaled", "tripled", "dropped", "label", "one more", "doubled, one less", "shifted"}) {
     CAPTURE(how);
@@ -277,7 +280,7 @@ TEST_CASE(
     const Dataset copies = load({dir / how});
     int found = 0;
     for (std::size_t row = 0; row < 60; ++row)
-      found += originals.first(copies.content[row], 99) == row;
+      found += originals.first(copies.records[row].content, 99) == row;
     // The shift drops the last bin, which belongs to the fingerprints of a few narrow returns.
     CHECK(found >= (how == "shifted" ? 54 : 60));
   }
@@ -287,7 +290,8 @@ TEST_CASE(
   a_run(60, 1, [](FusedRecord& r) { std::fill_n(counts(r).end() - 4, 4, 0u); })
       .spd(longer)
       .write(dir / "padded");
-  CHECK(load({dir / "padded"}).content == load({dir / "a"}).content);
+  CHECK(values_of(load({dir / "padded"}), &RecordInfo::content) ==
+        values_of(load({dir / "a"}), &RecordInfo::content));
 }
 
 TEST_CASE("a copy of a narrow return is recognised") {
@@ -344,7 +348,7 @@ TEST_CASE(
     }
   }).write(dir / "run");
   const Dataset data = load({dir / "run"});
-  for (std::size_t row = 0; row < 9; ++row) CHECK((data.content[row] == 0) == (row < 6));
+  for (std::size_t row = 0; row < 9; ++row) CHECK((data.records[row].content == 0) == (row < 6));
 }
 
 TEST_CASE("evaluate refuses a run with dead held-out records, and train refuses an empty run") {

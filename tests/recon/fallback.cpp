@@ -34,7 +34,7 @@ TEST_CASE("a fused model uses the SPD alone for records without radar data") {
   Dataset lost = plates();
   const Rows rows = {1, 2, 3, 4};
   // The radar data of record 1 are missing.
-  lost.valid[1] &= ~2u;
+  lost.records[1].valid.erase(Sensor::radar);
   // The radar fails in record 3, where all bins are equal.
   for (float& v : profiles(lost).row(3)) v = 0.5f;
   for (float& v : profiles(lost).row(1)) v = 0;
@@ -51,7 +51,7 @@ TEST_CASE("a fused model uses the SPD alone for records without radar data") {
       REQUIRE(maps.row(i)[p] == Approx(expected[p]).margin(1e-4));
   }
   // The SPD data of record 2 are missing, and every estimator requires SPD data.
-  lost.valid[2] &= ~1u;
+  lost.records[2].valid.erase(Sensor::spd);
   CHECK(model.estimator_for(lost, 2) == nullptr);
   CHECK_THAT(model.fault_of(lost, 2), Catch::Contains("lacks "));
 }

@@ -194,7 +194,7 @@ TEST_CASE(
   Dataset data = load({dir / "same"});
   // The content hashes are deleted, because identical records would otherwise be excluded as
   // copies.
-  data.content.clear();
+  for (RecordInfo& info : data.records) info.content = 0;
   for (const auto& name : model_names()) {
     CAPTURE(name);
     // All maps are equal, so no body differs from the background.

@@ -59,13 +59,13 @@ TEST_CASE("a dead radar is detected after range calibration, offset correction a
       .write(dir / "run");
   Dataset data = load({dir / "run"});
   for (int corrected = 0; corrected < 2; ++corrected) {
-    CHECK(data.fault_of(0, Inputs::fused).empty());
-    CHECK(data.fault_of(1, Inputs::fused) == "radar is the same in every bin");
+    CHECK(fault_of(data, 0, Inputs::fused).empty());
+    CHECK(fault_of(data, 1, Inputs::fused) == "radar is the same in every bin");
     subtract_range_offset(data, 0.05);
   }
   rebin_radar(data, wide_bins);
-  CHECK(data.fault_of(0, Inputs::fused).empty());
-  CHECK(data.fault_of(1, Inputs::fused) == "radar is the same in every bin");
+  CHECK(fault_of(data, 0, Inputs::fused).empty());
+  CHECK(fault_of(data, 1, Inputs::fused) == "radar is the same in every bin");
 }
 
 TEST_CASE("evaluate and reconstruct subtract the value of --range-offset from radar ranges") {

@@ -44,7 +44,7 @@ Dataset run_of(const record::RadarResponse& response, const std::vector<float>& 
   profiles(data).axis = Axis{"radar", "power", "m", 29, 0, 0.25};
   profiles(data) = Matrix(0, row.size());
   profiles(data).add_row(row), profiles(data).add_row(std::vector<float>(row.size()));
-  data.valid = {7, 7};
+  data.records.assign(2, {.valid = SensorSet::from_bits(7)});
   data.sources = {{"run", "", 0, 2, 0, {response}}};
   return data;
 }
@@ -141,11 +141,11 @@ TEST_CASE("conversion to another radar response sets the relative width and the 
   Dataset same = run_of(sinc, profile(sinc)), wider = run_of(hann, profile(hann)),
           narrower = run_of(sinc, profile(sinc));
   convert(same, sinc), convert(wider, sinc), convert(narrower, hann);
-  CHECK(same.times_wider(0) == 1);
+  CHECK(times_wider(same, 0) == 1);
   CHECK(same.sources[0].response.noise_factor == 1);
-  CHECK(wider.times_wider(0) == Approx(hann.width_m() / sinc.width_m()));
+  CHECK(times_wider(wider, 0) == Approx(hann.width_m() / sinc.width_m()));
   CHECK(wider.sources[0].response.noise_factor > 1);
-  CHECK(narrower.times_wider(0) < 1);
+  CHECK(times_wider(narrower, 0) < 1);
   CHECK(narrower.sources[0].response.noise_factor < 1);
 }
 
@@ -157,9 +157,7 @@ TEST_CASE(
   std::normal_distribution<float> normal;
   const auto noisy = [&](const record::RadarResponse& response) {
     Dataset data = run_of(response, profile(response));
-    profiles(data) = Matrix(0, 29), data.valid.assign(records, 7);
-    data.index.resize(records), data.slot_end.resize(records), data.label.resize(records);
-    data.clicks_per_pulse.resize(records);
+    profiles(data) = Matrix(0, 29), data.records.assign(records, data.records[0]);
     for (std::size_t i = 0; i < records; ++i) {
       std::vector<float> row = profile(response);
       for (float& v : row) v += deviation * normal(rng);
@@ -177,7 +175,7 @@ TEST_CASE(
   for (std::size_t k = 0; k < 2; ++k) {
     Dataset converted = noisy(wider_responses(sinc)[k]);
     convert(converted, sinc);
-    CHECK(converted.times_wider(0) == Approx(wider.times_wider(k)));
+    CHECK(times_wider(converted, 0) == Approx(wider.times_wider(k)));
     CHECK(noise_of(converted) > 1.5f * deviation);
     CHECK(noise_of(wider.imitated(k, plain, all, rng)) == Approx(noise_of(converted)).epsilon(0.2));
   }

@@ -128,7 +128,8 @@ TEST_CASE("the two-body test is disabled only if all training records show two p
       for (std::size_t c = 0; c < table->cols; ++c)
         table->row(i)[c] += from->row((i + 7) % count)[c];
   };
-  for (std::size_t i = 0; i < count; i += 5) add_other(data, i), data.label[i] = two_people_label;
+  for (std::size_t i = 0; i < count; i += 5)
+    add_other(data, i), data.records[i].label = two_people_label;
   const Rows rows = all_rows(count);
   const auto scores_of = [&](const Dataset& training, const Dataset& of) {
     const Preprocessing p(training, rows, Inputs::fused,
@@ -145,7 +146,7 @@ TEST_CASE("the two-body test is disabled only if all training records show two p
       std::count_if(scores.begin(), scores.end(), [](const auto& s) { return !s.reason.empty(); });
   INFO(flagged);
   CHECK(flagged > 200);
-  std::fill(two.label.begin(), two.label.end(), two_people_label);
+  for (RecordInfo& info : two.records) info.label = two_people_label;
   for (const auto& s : scores_of(two, two)) CHECK(std::isnan(s.two_bodies));
 }
 

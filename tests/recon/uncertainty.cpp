@@ -111,7 +111,7 @@ TEST_CASE(
   CHECK(share_flagged(uncertainties_of(empty), "empty") > 0.98);
 
   Dataset bright = clean;
-  std::fill(bright.clicks_per_pulse.begin(), bright.clicks_per_pulse.end(), 0.4);
+  for (RecordInfo& info : bright.records) info.clicks_per_pulse = 0.4;
   CHECK(share_flagged(uncertainties_of(bright), "saturated (0.40 clicks per laser pulse)") == 1);
 
   Dataset noise = clean;
@@ -162,7 +162,7 @@ TEST_CASE("outlier detection does not depend on the order of training records") 
 
 TEST_CASE("outlier detection is fitted to the training records only") {
   Dataset data = load_plates(300);
-  std::fill_n(data.label.begin(), 100, two_people_label);
+  for (std::size_t i = 0; i < 100; ++i) data.records[i].label = two_people_label;
   Rows rows = all_rows(300);
   rows.erase(rows.begin(), rows.begin() + 100);
   const Dataset alone = part_of(data, rows);

@@ -45,8 +45,8 @@ TEST_CASE(
   REQUIRE(photons(data).cols == 2 * bins);
   CHECK(photons(data).row(0)[5] == Approx(100));
   CHECK(photons(data).row(0)[bins + 5] == Approx(100));
-  REQUIRE(data.counts(0).size() == bins);
-  CHECK(data.counts(0)[5] == Approx(200));
+  REQUIRE(counts_of(data, 0).size() == bins);
+  CHECK(counts_of(data, 0)[5] == Approx(200));
   CHECK(photons(part_of(data, {0})).values == photons(data).values);
 }
 
@@ -56,7 +56,7 @@ TEST_CASE("a data set recorded with a single-pixel detector has one zone") {
   const Dataset data = load({folder / "a"});
   CHECK(photons(data).axis.zones == Zones(1));
   CHECK(photons(data).row(0)[12] == 100);
-  CHECK(data.counts(0)[12] == 100);
+  CHECK(counts_of(data, 0)[12] == 100);
 }
 
 TEST_CASE("each zone histogram is interpolated to the time axis of the model") {
@@ -75,7 +75,7 @@ TEST_CASE("a model of a single pixel receives the sum over the zones") {
   const Folder folder;
   write_zones(folder / "a", two, 12, 500 / ps_per_m);
   Dataset data = load({folder / "a"});
-  const std::vector<float> sum = data.counts(0);
+  const std::vector<float> sum = counts_of(data, 0);
   match_axes(data, {spd}, Inputs::spd);
   CHECK(photons(data).axis.zones.size() == 1);
   CHECK(photons(data).values == sum);
@@ -101,7 +101,7 @@ TEST_CASE("raw model inputs are all zone histograms, and observations also conta
   const Features all = fit_features(data, {}, Inputs::spd, "plain"),
                  raw = fit_features(data, {}, Inputs::spd, raw_scaling);
   CHECK(all.raw_inputs(data, {0}).values == photons(data).values);
-  std::vector<float> both = data.counts(0);
+  std::vector<float> both = counts_of(data, 0);
   both.insert(both.end(), photons(data).values.begin(), photons(data).values.end());
   for (const Features& any : {all, raw}) CHECK(observe(data, {0}, any).values == both);
   Dataset other = load({folder / "b"});

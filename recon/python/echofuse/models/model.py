@@ -82,7 +82,7 @@ class Estimator:
                 or name not in self.axes else axis.resampled(table, self.axes[name]))
 
     def fault_of(self, has_spd: bool, has_radar: bool, spd_varies: bool, radar_varies: bool) -> str:
-        """Returns why a record has no map, as Dataset::fault_of() does in C++."""
+        """Returns why a record has no map, as fault_of() does in C++."""
         needed = [name for name in ("spd", "radar") if self.inputs in (name, "fused",
                                                                        "fused-profile")]
         has, varies = {"spd": has_spd, "radar": has_radar}, {"spd": spd_varies,
