@@ -151,14 +151,20 @@ std::string DomainShift::text() const {
   if (!found())
     return std::string("this run matches the training data") +
            (p < max_p ? " (significant differences are too small to matter): " : ": ") + p_text;
-  if (p >= max_p || differences.empty())
-    return format(
-        "this run differs from the training data: %zu of %zu records are unusual (most: %s)",
-        flagged, assessed, reason.c_str());
   std::string all;
-  for (const Difference& d : differences) all += (all.empty() ? ": " : ", ") + d.text;
-  return "this run differs from the training data: " + p_text + all +
-         (advice.empty() ? "" : "; " + advice);
+  const auto add = [&](const std::string& text) { all += (all.empty() ? "" : "; ") + text; };
+  if (mostly_flagged())
+    add(format("%zu of %zu records are unusual (most: %s)", flagged, assessed, reason.c_str()));
+  if (p < max_p && !differences.empty()) {
+    add(p_text + ": " + differences[0].text);
+    for (std::size_t i = 1; i < differences.size(); ++i) all += ", " + differences[i].text;
+  }
+  // An offset is not the cause if most records are unusual in themselves.
+  if (!range_difference.empty())
+    add(range_difference);
+  else if (!advice.empty() && !mostly_flagged())
+    add(advice);
+  return "this run differs from the training data: " + all;
 }
 
 DomainReference::DomainReference(const Alignment& alignment, const Dataset& data,
@@ -168,6 +174,7 @@ DomainReference::DomainReference(const Alignment& alignment, const Dataset& data
                    rows.begin() + static_cast<std::ptrdiff_t>(std::min(max_known, rows.size())));
   numbers_ = record_numbers_of(alignment, data, views, first, inputs_);
   if (numbers_.rows < min_known) numbers_ = {};
+  if (both_sensors(inputs)) echoes_ = StaticEchoes(data, first);
 }
 
 DomainShift DomainReference::test(const Alignment& alignment, const Dataset& data,
@@ -175,11 +182,18 @@ DomainShift DomainReference::test(const Alignment& alignment, const Dataset& dat
   Rows rows;
   for (std::size_t row = 0; row < data.size(); ++row)
     if (fault_of(data, row, inputs_).empty()) rows.push_back(row);
-  const Matrix found = record_numbers_of(alignment, data, views, rows, inputs_);
+  DomainShift out = test_numbers(record_numbers_of(alignment, data, views, rows, inputs_),
+                                 alignment.array_features() == 0);
+  if (const auto range = echoes_.compare(data, rows); range && range->found())
+    out.range_difference = range->text();
+  return out;
+}
+
+DomainShift DomainReference::test_numbers(const Matrix& found, bool range_matters) const {
   if (found.rows < min_records || !known()) return {};
   const Standard standard(numbers_), own(found);
   MatrixXd before = block_means(standard(numbers_)), now = block_means(standard(found));
-  DomainShift out{found.rows, 1, {}, {}};
+  DomainShift out{.records = found.rows};
   for (std::size_t k = 0; k < record_number_count; ++k) {
     if (!standard.known(k) || own.known(k)) continue;
     // If the tested run lacks quantity k, sets its differences to 0.
@@ -202,8 +216,7 @@ DomainShift DomainReference::test(const Alignment& alignment, const Dataset& dat
     const double off_error = error[mean] * standard.deviation(k);
     if (clear > clearly && std::abs(difference[mean]) > min_mean) {
       out.differences.push_back({describe(number, off, off_error), clear});
-      if (k == radar_range_number && alignment.array_features() == 0)
-        out.advice = range_advice(off, off_error);
+      if (k == radar_range_number && range_matters) out.advice = range_advice(off, off_error);
     } else if (squares > clearly && std::abs(difference[square]) > least_square) {
       out.differences.push_back(
           {format("%s scatters %s", number.name, difference[square] > 0 ? "more" : "less"),
@@ -225,6 +238,7 @@ void DomainReference::archive(Archive archive, Inputs inputs) {
   numbers_ = std::move(table);
   archive.require(numbers_.rows >= min_known && numbers_.rows <= max_known, "numbers",
                   "expected 50 to 4000 records");
+  if (archive.part("knows_static_echoes", echoes_.known())) echoes_.archive(archive.in("static"));
 }
 
 }  // namespace echofuse::recon

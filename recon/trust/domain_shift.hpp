@@ -8,7 +8,8 @@
 //
 // Limit: the test cannot detect a change that affects none of the numbers, such as a different
 // gain. Nor can it detect a range bias of both sensors that is small compared with the span of the
-// ranges.
+// ranges. Static echoes show a difference between the biases of the two sensors
+// (static_echoes.hpp).
 #pragma once
 #include <cstdint>
 #include <string>
@@ -17,6 +18,7 @@
 #include "recon/data/dataset.hpp"
 #include "recon/method/alignment.hpp"
 #include "recon/trust/record_numbers.hpp"
+#include "recon/trust/static_echoes.hpp"
 
 namespace echofuse::recon {
 
@@ -32,16 +34,20 @@ struct DomainShift {
   // P-value: probability that a run that resembles the training data would differ by at least this
   // much.
   double p = 1;
-  std::vector<Difference> differences;  // significant differences, the largest first
-  std::string advice;                   // possible cause and remedy; may be empty
+  std::vector<Difference> differences{};  // significant differences, the largest first
+  std::string advice{};                   // possible cause and remedy; may be empty
   // Number of records tested individually, and number of those flagged as out of distribution.
   // `reason`: the most frequent reason.
   std::size_t assessed = 0, flagged = 0;
   std::string reason{};
-  bool tested() const { return records > 0 || mostly_flagged(); }
+  // Range difference that the static echoes show; empty if it is not significant.
+  std::string range_difference{};
+  bool tested() const { return records > 0 || mostly_flagged() || !range_difference.empty(); }
   // Returns true if the run differs from the training data. A significant difference must also
   // exceed a tenth of the standard deviation between records.
-  bool found() const { return mostly_flagged() || (p < max_p && !differences.empty()); }
+  bool found() const {
+    return mostly_flagged() || (p < max_p && !differences.empty()) || !range_difference.empty();
+  }
   // Returns true if most records are flagged. About one in 140 records that resemble the training
   // data is flagged.
   bool mostly_flagged() const;
@@ -68,8 +74,12 @@ class DomainReference {
   void archive(Archive archive, Inputs inputs);
 
  private:
+  // `range_matters`: the radar's range is a difference that an offset may cause.
+  DomainShift test_numbers(const Matrix& found, bool range_matters) const;
+
   Inputs inputs_{};
   Matrix numbers_;  // [records x record_number_count]
+  StaticEchoes echoes_;
 };
 
 }  // namespace echofuse::recon

@@ -1,0 +1,116 @@
+// SPDX-License-Identifier: MIT
+#include "recon/trust/static_echoes.hpp"
+
+#include <random>
+
+#include "../catch.hpp"
+#include "../fixtures/dataset.hpp"
+#include "drivers/core/random.hpp"
+#include "recon/trust/domain_shift.hpp"
+
+using namespace echofuse;
+using namespace echofuse::recon;
+using namespace echofuse::test;
+
+namespace {
+
+struct Room {
+  double wall_m = 5.3, radar_error_m = 0, spd_error_m = 0, light = 1, cupboard = 0;
+};
+
+// A room with a wall, a floor echo and a body that moves. Both sensors see them.
+Dataset records_of(const Room& room, std::size_t count, std::uint64_t seed) {
+  Dataset data;
+  data.spd().axis = Axis{"spd", "counts", "ps", 336, 13343, 100, 1};
+  data.radar().axis = Axis{"radar", "power", "m", 29, 0, 0.25, 1};
+  Rng rng = make_rng(seed, 5);
+  std::uniform_real_distribution<double> body(3, 4);
+  std::normal_distribution<double> noise;
+  const auto bump = [](double x, double at, double width) {
+    return std::exp(-0.5 * std::pow((x - at) / width, 2));
+  };
+  const auto scene = [&](double r, double at, double width) {
+    return (room.wall_m > 0
+                ? 4 * bump(r, room.wall_m, width) + 1.5 * bump(r, room.wall_m + 0.7, 1.3 * width) +
+                      room.cupboard * bump(r, room.wall_m - 0.3, width)
+                : 0) +
+           bump(r, at, width);
+  };
+  for (std::size_t i = 0; i < count; ++i) {
+    const double at = body(rng);
+    std::vector<float> counts, power;
+    for (std::size_t k = 0; k < 336; ++k) {
+      const double r = (13343 + 100 * (static_cast<double>(k) + 0.5)) / ps_per_m;
+      std::poisson_distribution<int> clicks(room.light *
+                                            (5 + 60 * scene(r - room.spd_error_m, at, 0.1)));
+      counts.push_back(static_cast<float>(clicks(rng)));
+    }
+    for (std::size_t k = 0; k < 29; ++k) {
+      const double r = 0.25 * static_cast<double>(k) - room.radar_error_m;
+      power.push_back(static_cast<float>(scene(r, at, 0.3) * (1 + 0.02 * noise(rng))));
+    }
+    data.spd().cols = 336, data.radar().cols = 29;
+    data.spd().add_row(counts), data.radar().add_row(power);
+    data.records.push_back({.valid = {echofuse::Sensor::spd, echofuse::Sensor::radar}});
+  }
+  return data;
+}
+
+std::optional<RangeDifference> difference(const Room& room, std::size_t count = 100,
+                                          std::uint64_t seed = 2) {
+  static const StaticEchoes known(records_of({}, 400, 1), all_rows(400));
+  return known.compare(records_of(room, count, seed), all_rows(count));
+}
+
+}  // namespace
+
+TEST_CASE("static echoes show a range error of one sensor but no other change") {
+  for (const double error_m : {-0.05, -0.02, 0.02, 0.05}) {
+    CAPTURE(error_m);
+    const auto radar = difference({.radar_error_m = error_m});
+    REQUIRE(radar);
+    CHECK(radar->found());
+    CHECK(radar->difference_m == Approx(error_m).margin(0.004));
+    CHECK(radar->standard_error_m < 0.003);
+    const auto spd = difference({.spd_error_m = error_m});
+    REQUIRE(spd);
+    CHECK(spd->found());
+    CHECK(spd->difference_m == Approx(-error_m).margin(0.004));
+  }
+  CHECK_THAT(difference({.radar_error_m = 0.02})->text(), Catch::Contains("cm too long"));
+  CHECK_THAT(difference({.radar_error_m = -0.02})->text(), Catch::Contains("cm too short"));
+  // The same room, brighter light, and sensors that were moved together.
+  for (std::uint64_t seed = 10; seed < 20; ++seed) {
+    CAPTURE(seed);
+    CHECK_FALSE(difference({}, 100, seed)->found());
+    CHECK_FALSE(difference({.light = 2}, 100, seed)->found());
+    CHECK_FALSE(difference({.radar_error_m = 0.03, .spd_error_m = 0.03}, 100, seed)->found());
+  }
+}
+
+TEST_CASE("a range error is not stated without the static echoes of the training") {
+  CHECK_FALSE(difference({.wall_m = 0}));
+  CHECK_FALSE(difference({.cupboard = 1}));
+  CHECK_FALSE(difference({.wall_m = 5.8}));
+  CHECK_FALSE(difference({}, StaticEchoes::min_records - 1));
+  const StaticEchoes none(records_of({.wall_m = 0}, 400, 1), all_rows(400));
+  CHECK_FALSE(
+      none.compare(records_of({.wall_m = 0, .radar_error_m = 0.02}, 100, 2), all_rows(100)));
+  const StaticEchoes few(records_of({}, 49, 1), all_rows(49));
+  CHECK_FALSE(few.known());
+}
+
+TEST_CASE("the message of a run names a range difference and whether most records are unusual") {
+  DomainShift shift{.records = 100};
+  shift.range_difference = RangeDifference{0.021, 0.002}.text();
+  CHECK(shift.found());
+  CHECK_THAT(shift.text(), Catch::Contains("radar ranges are 2.1 +- 0.2 cm too long") &&
+                               Catch::Contains("--range-offset 0.021"));
+  shift = {
+      .records = 100, .p = 1e-4, .differences = {{"range +2.0 +- 0.1 cm", 20}}, .advice = "use X"};
+  CHECK_THAT(shift.text(), Catch::EndsWith("p < 0.001: range +2.0 +- 0.1 cm; use X"));
+  shift.assessed = 100, shift.flagged = 60, shift.reason = "two bodies";
+  CHECK_THAT(shift.text(),
+             Catch::Contains("60 of 100 records are unusual (most: two bodies); p < ") &&
+                 !Catch::Contains("use X"));
+}
