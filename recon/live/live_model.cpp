@@ -66,8 +66,8 @@ void LiveModel::compare(Reconstruction& made, std::span<const float> camera_map_
   if (std::isfinite(scores[metric_lateral_m])) made.lateral_error_m = scores[metric_lateral_m];
 }
 
-std::string LiveModel::doubt(const record::RunReader& run, std::int64_t first,
-                             std::int64_t count) const {
+GroupCheck LiveModel::check(const record::RunReader& run, std::int64_t first,
+                            std::int64_t count) const {
   try {
     Dataset data =
         load_part(run, first, static_cast<std::size_t>(count), sensors_of(model_->features.inputs),
@@ -75,7 +75,7 @@ std::string LiveModel::doubt(const record::RunReader& run, std::int64_t first,
     if (data.size() == 0) return {};
     const Records records = prepare_records(model_, std::move(data));
     const DomainShift shift = domain_shift_of(model_, records.data);
-    return shift.found() ? shift.text() : "";
+    return {shift.found() ? shift.text() : "", shift.interval_factor};
   } catch (const Error&) {
     return {};  // the message of each record reports the error
   }

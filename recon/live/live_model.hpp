@@ -25,6 +25,13 @@ struct Reconstruction {
   std::optional<double> iou, lateral_error_m;  // scores of the map against the camera's depth map
 };
 
+// Result of comparing a group of records with the training data (recon::DomainShift).
+struct GroupCheck {
+  // How they differ; empty if they do not, or if there are too few records for the test.
+  std::string doubt{};
+  double interval_factor = 1;  // factor by which the 90 % intervals are widened
+};
+
 class LiveModel {
  public:
   explicit LiveModel(const std::string& path);  // throws the same errors as recon::load_model
@@ -39,9 +46,8 @@ class LiveModel {
                              bool with_deviation) const;
   // Computes `iou` and `lateral_error_m` if both maps have the same number of pixels.
   void compare(Reconstruction& made, std::span<const float> camera_map_m) const;
-  // Returns how these records, as a group, differ from the training data (recon::DomainShift).
-  // Empty if they do not differ, or if there are too few records for the test.
-  std::string doubt(const record::RunReader& run, std::int64_t first, std::int64_t count) const;
+  // Compares these records, as a group, with the training data.
+  GroupCheck check(const record::RunReader& run, std::int64_t first, std::int64_t count) const;
 
  private:
   recon::TrainedModel model_;

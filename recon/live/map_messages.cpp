@@ -39,7 +39,7 @@ void RunMessages::add_maps(MessageWriter& out, Json& head, const record::FusedRe
     head["holes"] = {{"camera", holes(r.depth_mm)}, {"map", holes(map)}};
   }
   if (!model_) return;
-  Reconstruction made = model_->reconstruct(run, r.index, true);
+  Reconstruction made = reconstruct(run, r.index, true);
   if (camera) model_->compare(made, map_of(r, axes, made.grid));
   const auto given = [](const std::optional<double>& v) { return v ? number(*v) : Json(); };
   head["reconstruction"] = {{"fault", made.fault},
@@ -79,6 +79,14 @@ std::vector<std::int64_t> RunMessages::worst_and_median() const {
   return {scored.front().second, scored[scored.size() / 2].second};
 }
 
+// Predicts the map of a record. Widens its interval if the newest records differ from the training.
+Reconstruction RunMessages::reconstruct(const record::RunReader& run, std::int64_t index,
+                                        bool with_deviation) const {
+  Reconstruction made = model_->reconstruct(run, index, with_deviation);
+  if (made.lateral_interval_90_m) *made.lateral_interval_90_m *= group_.interval_factor;
+  return made;
+}
+
 RunMessages::TrackPoint RunMessages::place_of(const Reconstruction& made) {
   const auto given = [](const std::optional<double>& v) {
     return v ? static_cast<float>(*v) : std::nanf("");
@@ -104,7 +112,7 @@ std::vector<float> RunMessages::track(const record::RunReader& run, std::int64_t
     if (o->index != index && o->index % step != 0) continue;
     auto known = places_.find(o->index);
     if (known == places_.end())
-      known = places_.emplace(o->index, place_of(model_->reconstruct(run, o->index, false))).first;
+      known = places_.emplace(o->index, place_of(reconstruct(run, o->index, false))).first;
     const auto& [x_m, z_m, interval_m] = known->second;
     const double age_s = seconds(minute.front()->start - o->start);
     out.insert(out.end(), {static_cast<float>(age_s), x_m, z_m, interval_m});

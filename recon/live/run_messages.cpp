@@ -214,7 +214,7 @@ Message RunMessages::state() {
            {"ended_utc", run_.info().ended_utc},
            {"remaining_s", nullptr}};
   check_maps();
-  if (!doubt_.empty()) out["doubt"] = doubt_;
+  if (!group_.doubt.empty()) out["doubt"] = group_.doubt;
   if (records > 0) {
     out["first_index"] = outlines.front().index;
     out["last_index"] = outlines.back().index;
@@ -279,10 +279,10 @@ void RunMessages::check_maps() {
   const std::int64_t first = std::max(run_.outlines().front().index, *last - checked_records + 1);
   try {
     run_.with_reader([&](const record::RunReader& run) {
-      doubt_ = model_->doubt(run, first, *last - first + 1);
+      group_ = model_->check(run, first, *last - first + 1);
     });
   } catch (const Error&) {
-    doubt_.clear();  // other messages report that the run cannot be read
+    group_ = {};  // other messages report that the run cannot be read
   }
 }
 

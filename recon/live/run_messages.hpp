@@ -84,12 +84,13 @@ class RunMessages {
     float x_m, z_m, interval_90_m;
   };
   static TrackPoint place_of(const Reconstruction& made);
+  Reconstruction reconstruct(const record::RunReader& run, std::int64_t index,
+                             bool with_deviation) const;
   std::map<std::int64_t, TrackPoint> places_;  // cached points of the track, by record index
   RunSettings settings_;
   int last_edition_ = -1, places_edition_ = -1, reference_edition_ = -1, settings_edition_ = -1;
   bool last_live_ = false;
-  // Result of LiveModel::doubt() for the newest records; empty if the maps are reliable.
-  std::string doubt_;
+  GroupCheck group_;  // result for the newest records
   HostTime checked_{};
   std::int64_t checked_last_ = -1;
 };

@@ -163,6 +163,7 @@ class RunReconstructor {
   std::int64_t next_ = 0;
   std::deque<RecordStatus> bad_;   // unusable records that were read but have not been reported
   std::string antennas_, ranges_;  // most recently reported notes on the antennas and ranges
+  double interval_factor_ = 1;     // factor of the whole run (DomainShift)
 };
 
 // Reads the next records without depth images, because these are not needed to predict maps.
@@ -224,6 +225,7 @@ void RunReconstructor::take_all(const record::RunReader& run) {
   report_run(records.antennas);
   if (!options_.quiet) report_run(records.response), report_run(records.ranges);
   const DomainShift shift = domain_shift_of(model_, records.data);
+  interval_factor_ = shift.interval_factor;
   if (shift.tested() && (shift.found() || !options_.quiet)) report_run(shift.text());
   for (std::size_t done = 0; !next.empty() && !interrupted(); next.pop_front()) {
     PreparedMaps made = next.front().get();
@@ -281,7 +283,10 @@ void RunReconstructor::write(const Records& records, std::span<const std::size_t
   for (std::size_t i = 0; i < made.size(); ++i)
     if (auto& [status, files] = made[i]; files)
       files_.write(*files), time(status, records.data.records[rows[i]].slot_end);
-  for (const auto& [status, files] : made) report_damaged(status.index), report(status);
+  for (auto& [status, files] : made) {
+    if (status.uncertainty) status.uncertainty->lateral_interval_90_m *= interval_factor_;
+    report_damaged(status.index), report(status);
+  }
 }
 
 void RunReconstructor::report(const RecordStatus& status) {

@@ -71,6 +71,7 @@ json to_json(const Evaluation& e) {
                            {"judged", e.domain_shift.assessed},
                            {"flagged", e.domain_shift.flagged},
                            {"found", e.domain_shift.found()},
+                           {"interval_factor", e.domain_shift.interval_factor},
                            {"text", e.tested + e.domain_shift.text()}};
   out["notes"] = notes(e);
   out["calibrated"] = e.calibration.has_value();

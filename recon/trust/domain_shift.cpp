@@ -24,6 +24,8 @@ constexpr int permutations = 4000;
 constexpr std::uint64_t permutation_stream = 0x646f6d61;  // "doma" in ASCII
 // Minimum significance of a difference, in standard errors.
 constexpr double clearly = 4;
+// A difference below this number of standard errors does not widen the intervals.
+constexpr double not_by_chance = 2;
 // Differences below these limits are ignored. `min_mean` is in units of the standard deviation
 // between records, and `least_square` is in units of the variance between records.
 constexpr double min_mean = 0.1, least_square = 0.3;
@@ -148,9 +150,14 @@ bool DomainShift::mostly_flagged() const {
 std::string DomainShift::text() const {
   if (!tested()) return {};
   const std::string p_text = p < max_p ? format("p < %g", max_p) : format("p = %.3f", p);
+  const std::string wider =
+      interval_factor > 1.05
+          ? format("; the 90 %% intervals are therefore %.2g times as wide", interval_factor)
+          : "";
   if (!found())
     return std::string("this run matches the training data") +
-           (p < max_p ? " (significant differences are too small to matter): " : ": ") + p_text;
+           (p < max_p ? " (significant differences are too small to matter): " : ": ") + p_text +
+           wider;
   std::string all;
   const auto add = [&](const std::string& text) { all += (all.empty() ? "" : "; ") + text; };
   if (mostly_flagged())
@@ -159,12 +166,11 @@ std::string DomainShift::text() const {
     add(p_text + ": " + differences[0].text);
     for (std::size_t i = 1; i < differences.size(); ++i) all += ", " + differences[i].text;
   }
-  // An offset is not the cause if most records are unusual in themselves.
   if (!range_difference.empty())
     add(range_difference);
-  else if (!advice.empty() && !mostly_flagged())
+  else if (!advice.empty())
     add(advice);
-  return "this run differs from the training data: " + all;
+  return "this run differs from the training data: " + all + wider;
 }
 
 DomainReference::DomainReference(const Alignment& alignment, const Dataset& data,
@@ -207,24 +213,35 @@ DomainShift DomainReference::test_numbers(const Matrix& found, bool range_matter
   both << before, now;
   out.p = p_of(difference, permuted(both, now.rows()), min_error);
   const ArrayXd error = standard_errors(before, now, min_error);
+  double widening = 1, of_range = 0;
   for (std::size_t k = 0; k < record_number_count; ++k) {
     const RecordNumber& number = record_numbers[k];
     const Index mean = Index(k), square = count + Index(k);
     const double clear = std::abs(difference[mean]) / error[mean];
     const double squares = std::abs(difference[square]) / error[square];
+    // Models with antennas do not locate bodies by the difference of the ranges.
+    if (k != radar_range_number || range_matters)
+      widening +=
+          std::pow(number.widening, 2) *
+          std::max(0., std::pow(difference[mean], 2) - std::pow(not_by_chance * error[mean], 2));
     const double off = difference[mean] * standard.deviation(k);
     const double off_error = error[mean] * standard.deviation(k);
     if (clear > clearly && std::abs(difference[mean]) > min_mean) {
       out.differences.push_back({describe(number, off, off_error), clear});
-      if (k == radar_range_number && range_matters) out.advice = range_advice(off, off_error);
+      if (k == radar_range_number && range_matters)
+        out.advice = range_advice(off, off_error), of_range = clear;
     } else if (squares > clearly && std::abs(difference[square]) > least_square) {
       out.differences.push_back(
           {format("%s scatters %s", number.name, difference[square] > 0 ? "more" : "less"),
            squares});
     }
   }
+  out.interval_factor = std::sqrt(widening);
   std::sort(out.differences.begin(), out.differences.end(),
             [](const auto& a, const auto& b) { return a.standard_errors > b.standard_errors; });
+  // Two people or an empty room also change the radar range, but other numbers more.
+  if (!out.differences.empty() && of_range < out.differences[0].standard_errors / 3)
+    out.advice.clear();
   return out;
 }
 

@@ -40,6 +40,9 @@ struct DomainShift {
   // `reason`: the most frequent reason.
   std::size_t assessed = 0, flagged = 0;
   std::string reason{};
+  // Factor by which the 90 % intervals of the run's records are widened: 1 for a run like the
+  // training data; increases with the differences that enlarge the lateral error.
+  double interval_factor = 1;
   // Range difference that the static echoes show; empty if it is not significant.
   std::string range_difference{};
   bool tested() const { return records > 0 || mostly_flagged() || !range_difference.empty(); }

@@ -16,6 +16,8 @@ struct RecordNumber {
   Kind kind;  // ratio: the number is a logarithm; length: the number is in metres
   // Lower limit of the standard deviation, for a number that is constant in the training data.
   double floor;
+  // Widening of the 90 % intervals per standard deviation by which the mean of a run differs.
+  double widening = 0;
 };
 // A record is described by four numbers of the SPD, four numbers of the radar, and the difference
 // between the ranges of the two sensors.

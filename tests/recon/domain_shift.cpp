@@ -5,6 +5,7 @@
 
 #include "recon/numbers/statistics.hpp"
 #include "recon/predict/predict.hpp"
+#include "recon/score/evaluate.hpp"
 #include "recon/train/train.hpp"
 #include "world.hpp"
 
@@ -58,9 +59,8 @@ TEST_CASE("the domain-shift test detects changed runs and accepts unchanged runs
       // The test statistic of the run is larger than in all 4000 permutations, so p = 1 / (4000 +
       // 1).
       CHECK(other.p == Approx(1. / 4001));
-      CHECK_THAT(other.text(),
-                 Catch::StartsWith("this run differs from the training data: p < 0.001: ") &&
-                     Catch::Contains("radar"));
+      CHECK_THAT(other.text(), Catch::StartsWith("this run differs from the training data: ") &&
+                                   Catch::Contains("p < 0.001: ") && Catch::Contains("radar"));
     }
     CHECK(alarms == 0);
   }
@@ -131,6 +131,35 @@ TEST_CASE("the domain-shift test reports a 1 % wider radar profile in a run of 4
                }));
   CHECK(slight.found());
   CHECK_THAT(slight.text(), Catch::Contains("radar profile width 1.01 +- 0.00 times"));
+}
+
+TEST_CASE("the 90 % intervals of a run are widened by its difference from the training data") {
+  const TrainedModel& model = trained("mean-shape", "fused");
+  const Records like = prepare_records(model, plates(100, 10));
+  CHECK(domain_shift_of(model, like.data).interval_factor < 1.05);
+  const auto shifted = [&](double by_m) { return prepare_records(model, plates(100, 10), by_m); };
+  double last = 1;
+  for (const double by_m : {0.05, 0.1, 0.2}) {
+    const DomainShift shift = domain_shift_of(model, shifted(by_m).data);
+    CHECK(shift.interval_factor > last);
+    CHECK_THAT(shift.text(), Catch::Contains(" times as wide"));
+    last = shift.interval_factor;
+  }
+  const Records run = shifted(0.05);
+  const Rows rows = all_rows(run.data.size());
+  const auto plain =
+      recon::predict(model, run.data, rows, PredictionDetail::uncertainty).uncertainties;
+  const Evaluation e = evaluate(model, run, rows);
+  const double factor = e.domain_shift.interval_factor;
+  REQUIRE(e.uncertainties.size() == plain.size());
+  std::size_t stated = 0;
+  for (std::size_t i = 0; i < plain.size(); ++i) {
+    if (std::isnan(plain[i].lateral_interval_90_m)) continue;
+    ++stated;
+    CHECK(e.uncertainties[i].lateral_interval_90_m ==
+          Approx(factor * plain[i].lateral_interval_90_m));
+  }
+  CHECK(stated > 20);
 }
 
 TEST_CASE("the domain-shift test measures radar power out to half the range of the body") {

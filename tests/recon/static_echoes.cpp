@@ -111,6 +111,5 @@ TEST_CASE("the message of a run names a range difference and whether most record
   CHECK_THAT(shift.text(), Catch::EndsWith("p < 0.001: range +2.0 +- 0.1 cm; use X"));
   shift.assessed = 100, shift.flagged = 60, shift.reason = "two bodies";
   CHECK_THAT(shift.text(),
-             Catch::Contains("60 of 100 records are unusual (most: two bodies); p < ") &&
-                 !Catch::Contains("use X"));
+             Catch::Contains("60 of 100 records are unusual (most: two bodies); p < "));
 }
