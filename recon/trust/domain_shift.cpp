@@ -132,6 +132,17 @@ std::string describe(const RecordNumber& number, double difference, double error
   return format("%s %+.2f +- %.2f", number.name, difference, error);
 }
 
+// Returns the contribution of a number to the square of the interval factor, from its difference
+// and standard error in standard deviations. Other bodies may differ in shape by several standard
+// deviations, but then the interval does not need to grow further.
+double widening_by(const RecordNumber& number, double difference, double error) {
+  constexpr double max_of_shape = 1;
+  double size = std::abs(difference);
+  if (number.kind != RecordNumber::Kind::length) size = std::min(size, max_of_shape);
+  return std::pow(number.widening, 2) *
+         std::max(0., std::pow(size, 2) - std::pow(not_by_chance * error, 2));
+}
+
 std::string range_advice(double difference_m, double error_m) {
   return format(
       "radar ranges are %.1f +- %.1f cm too %s, or people are farther to the %s or reflect "
@@ -221,9 +232,7 @@ DomainShift DomainReference::test_numbers(const Matrix& found, bool range_matter
     const double squares = std::abs(difference[square]) / error[square];
     // Models with antennas do not locate bodies by the difference of the ranges.
     if (k != radar_range_number || range_matters)
-      widening +=
-          std::pow(number.widening, 2) *
-          std::max(0., std::pow(difference[mean], 2) - std::pow(not_by_chance * error[mean], 2));
+      widening += widening_by(number, difference[mean], error[mean]);
     const double off = difference[mean] * standard.deviation(k);
     const double off_error = error[mean] * standard.deviation(k);
     if (clear > clearly && std::abs(difference[mean]) > min_mean) {
