@@ -124,9 +124,7 @@ void BridgeClient::reject(const Block& block, const char* expected, const std::s
 
 void BridgeClient::on_hello(const Block& block) {
   const auto hello = read_hello(block.payload);
-  if (!hello)
-    return fail(
-        "the hello block is not valid; expected a JSON object with model, serial and firmware");
+  if (!hello) return fail(hello.failure().what);
   if (std::exchange(greeted_, true)) return;
   hello_ = *hello;
   lost_blocks_ += connections_ > 1;

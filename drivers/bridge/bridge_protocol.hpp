@@ -36,7 +36,6 @@
 #pragma once
 #include <cstdint>
 #include <functional>
-#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -116,11 +115,12 @@ struct Hello {
   std::string sends;  // "histograms" if the device sends histograms; empty if it sends tags
   Zones zones;        // zones of the detector; empty if the hello lists no zones
 };
-// Returns nullopt if the payload is not a JSON object, a known key has a value of the wrong type,
-// or a zone is implausible. Limits of the payload: 64 KiB, 64 zones, 1024 values, nesting depth 8.
-std::optional<Hello> read_hello(ByteView payload);
 
 // The readers return a failure with the reason if a payload is invalid.
+
+// The payload must be a JSON object of at most 64 KiB. Known keys must have values of the right
+// type, and each of at most 64 zones must be plausible.
+Result<Hello> read_hello(ByteView payload);
 
 // Returns a view of the tags in the payload if it is suitably aligned, otherwise a view of a copy
 // in `scratch`. The last tag must be complete.

@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: MIT
-#include <algorithm>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <utility>
@@ -9,97 +8,53 @@
 namespace echofuse::bridge {
 namespace {
 
-constexpr int deepest = 8;
-constexpr int max_values = 1024;
+using nlohmann::json;
 
-// SAX handler that stores only the known strings and zones, so that other content uses no memory.
-class HelloReader final : public nlohmann::json_sax<nlohmann::json> {
- public:
-  Hello hello;
+Failure fault(const std::string& what) {
+  return {std::make_error_code(std::errc::bad_message), "the hello block is not valid: " + what};
+}
 
-  bool key(string_t& name) override {
-    text_ = nullptr, number_ = nullptr;
-    if (in_zones_ && depth_ == 3) number_ = number_of(hello.zones.back(), name);
-    if (depth_ != 1) return true;
-    wants_zones_ = name == "zones";
-    if (name == "model") text_ = &hello.model;
-    if (name == "serial") text_ = &hello.serial;
-    if (name == "firmware") text_ = &hello.firmware;
-    if (name == "sends") text_ = &hello.sends;
-    return true;
+// Returns the reason why an entry of the list of zones is not a zone, or an empty string.
+std::string take_zone(const json& entry, Zone& zone) {
+  if (!entry.is_object()) return "is not an object";
+  for (const auto& [key, value] : {std::pair{"x", &zone.x},
+                                   {"y", &zone.y},
+                                   {"width", &zone.width},
+                                   {"zero_ps", &zone.zero_ps}}) {
+    const auto given = entry.find(key);
+    if (given == entry.end()) continue;
+    if (!given->is_number()) return std::string("has a \"") + key + "\" that is not a number";
+    *value = given->get<double>();
   }
-  bool string(string_t& value) override {
-    if (number_ || wants_zones_ || is_in_list() || !count()) return false;
-    if (text_) *text_ = value;
-    text_ = nullptr;
-    return true;
-  }
-  // Accepts the top-level object, objects in the list of zones, and values of unknown keys.
-  bool start_object(std::size_t) override {
-    const bool zone = is_in_list() && hello.zones.size() < max_zones && count();
-    if (zone) hello.zones.emplace_back();
-    return (depth_ == 0 || zone || other()) && ++depth_ <= deepest;
-  }
-  bool end_object() override { return leave(); }
-  bool start_array(std::size_t) override {
-    in_zones_ = in_zones_ || wants_zones_;
-    return (std::exchange(wants_zones_, false) || other()) && ++depth_ <= deepest;
-  }
-  bool end_array() override {
-    in_zones_ = in_zones_ && depth_ > 2;
-    return leave();
-  }
-  bool null() override { return other(); }
-  bool boolean(bool) override { return other(); }
-  bool number_integer(number_integer_t value) override {
-    return number(static_cast<double>(value));
-  }
-  bool number_unsigned(number_unsigned_t value) override {
-    return number(static_cast<double>(value));
-  }
-  bool number_float(number_float_t value, const string_t&) override { return number(value); }
-  bool binary(binary_t&) override { return other(); }
-  bool parse_error(std::size_t, const std::string&, const nlohmann::json::exception&) override {
-    return false;
-  }
-
- private:
-  bool count() { return depth_ > 0 && ++values_ <= max_values; }
-  bool is_in_list() const { return in_zones_ && depth_ == 2; }
-  static double* number_of(Zone& zone, const string_t& name) {
-    if (name == "x") return &zone.x;
-    if (name == "y") return &zone.y;
-    if (name == "width") return &zone.width;
-    return name == "zero_ps" ? &zone.zero_ps : nullptr;
-  }
-  bool number(double value) {
-    if (!number_) return other();
-    *std::exchange(number_, nullptr) = value;
-    return count();
-  }
-  // Handles null, a boolean, or a value of an unknown key. Returns false if a string, a number or a
-  // zone is expected.
-  bool other() { return !text_ && !number_ && !wants_zones_ && !is_in_list() && count(); }
-  bool leave() {
-    --depth_;
-    return true;
-  }
-
-  std::string* text_ = nullptr;  // receives the value that follows the key; null for unknown keys
-  double* number_ = nullptr;
-  bool wants_zones_ = false, in_zones_ = false;
-  int depth_ = 0, values_ = 0;
-};
+  if (zone.plausible()) return {};
+  return "has impossible values; expected x, y and width together (tangents, width above 0), and "
+         "zero_ps within 1e12";
+}
 
 }  // namespace
 
-std::optional<Hello> read_hello(ByteView payload) {
-  HelloReader reader;
-  if (payload.size() > max_hello_bytes ||
-      !nlohmann::json::sax_parse(payload.begin(), payload.end(), &reader) ||
-      !std::ranges::all_of(reader.hello.zones, &Zone::plausible))
-    return std::nullopt;
-  return reader.hello;
+Result<Hello> read_hello(ByteView payload) {
+  if (payload.size() > max_hello_bytes) return fault("it has more than 64 KiB");
+  const json given = json::parse(payload.begin(), payload.end(), nullptr, false);
+  if (!given.is_object()) return fault("expected a JSON object with model, serial and firmware");
+  Hello out;
+  for (const auto& [key, text] : {std::pair{"model", &out.model},
+                                  {"serial", &out.serial},
+                                  {"firmware", &out.firmware},
+                                  {"sends", &out.sends}}) {
+    const auto value = given.find(key);
+    if (value == given.end()) continue;
+    if (!value->is_string()) return fault(std::string("\"") + key + "\" is not a string");
+    *text = value->get<std::string>();
+  }
+  const auto zones = given.find("zones");
+  if (zones == given.end()) return out;
+  if (!zones->is_array() || zones->size() > max_zones)
+    return fault("\"zones\" is not a list of at most " + std::to_string(max_zones) + " zones");
+  for (const json& entry : *zones)
+    if (const std::string why = take_zone(entry, out.zones.emplace_back()); !why.empty())
+      return fault("zone " + std::to_string(out.zones.size() - 1) + " " + why);
+  return out;
 }
 
 }  // namespace echofuse::bridge

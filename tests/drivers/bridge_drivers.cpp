@@ -146,7 +146,7 @@ TEST_CASE("a server that does not use the bridge protocol is refused and reporte
           Bytes{'S', 'S', 'H', '-', '2', '.', '0', '\r', '\n'},
           std::string("the received bytes are not a bridge block; expected an echofuse bridge")),
       std::pair(test::make_block(bridge::BlockKind::hello, 0, test::view_of("[1]")),
-                std::string("the hello block is not valid; expected a JSON object with model, "
+                std::string("the hello block is not valid: expected a JSON object with model, "
                             "serial and firmware")));
   for (std::uint64_t round = 1; round <= 2; ++round) {
     REQUIRE(server.accept());

@@ -170,11 +170,24 @@ TEST_CASE("zones in a hello block are decoded, and impossible zones are refused"
   CHECK(zones_of(R"([{"x": 0, "y": 0, "width": 1, "name": "left", "more": [{"x": 5}]}])") ==
         Zones{{0, 0, 1, 0}});
   CHECK(zones_of("[]") == Zones{});
-  for (const char* list :
-       {"3", "\"a\"", "{}", "null", "[3]", "[[]]", R"([{"x": "a"}])", R"([{"x": 0}])",
-        R"([{"x": 0, "y": 0, "width": 0}])", R"([{"x": null}])", R"([{"x": {}}])"}) {
-    CAPTURE(list);
-    CHECK_FALSE(zones_of(list));
+  const std::string list = "\"zones\" is not a list of at most 64 zones",
+                    number = "zone 0 has a \"x\" that is not a number",
+                    impossible = "has impossible values; expected x, y and width together";
+  for (const auto& [given, why] : {std::pair<std::string, std::string>{"3", list},
+                                   {"\"a\"", list},
+                                   {"{}", list},
+                                   {"null", list},
+                                   {"[3]", "zone 0 is not an object"},
+                                   {"[{}, []]", "zone 1 is not an object"},
+                                   {R"([{"x": "a"}])", number},
+                                   {R"([{"x": null}])", number},
+                                   {R"([{"x": {}}])", number},
+                                   {R"([{}, {"x": 0}])", "zone 1 " + impossible},
+                                   {R"([{"x": 0, "y": 0, "width": 0}])", "zone 0 " + impossible}}) {
+    CAPTURE(given);
+    const auto hello = read_hello(test::view_of("{\"zones\": " + given + "}"));
+    REQUIRE_FALSE(hello);
+    CHECK_THAT(hello.failure().what, Catch::Contains(why));
   }
   std::string many = "[{}";
   for (int i = 1; i < 64; ++i) many += ", {}";
@@ -189,7 +202,7 @@ TEST_CASE("histogram and range profile blocks are decoded, and impossible ones a
   BlockParser parser;
   const auto parsed = feed(parser, join(pieces));
   REQUIRE(parsed.size() == 3);
-  CHECK(read_hello(ByteView(pieces[0]).subspan(header_bytes)).value().sends == "histograms");
+  CHECK(read_hello(ByteView(pieces[0]).subspan(header_bytes))->sends == "histograms");
 
   const auto histogram = read_histogram(counts);
   REQUIRE(histogram);
