@@ -1,8 +1,8 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: MIT
 """Uses simulated records to measure how well models' uncertainty and warnings are calibrated. Fails if a value is outside
-its limits. Called as `trust.py BIN [--quick] [PART...]`. The parts are intervals, records, runs, two_bodies, windows and
-laboratory. The printed tables are the tables of recon/RESULTS.md. The option --quick, which trains fewer models, is used
+its limits. Called as `trust.py BIN [--quick] [PART...]`. The parts are intervals, records, runs, two_bodies, windows, unlike,
+static_echoes and laboratory. The printed tables are the tables of recon/RESULTS.md. The option --quick, which trains fewer models, is used
 by the slow tests."""
 import argparse
 import csv
@@ -64,8 +64,8 @@ def expect(what, value, least, most):
 
 
 def intervals():
-    """The 90 % lateral interval must contain the true position of 86 to 94 % of the objects on average over the
-    draws, and of 84 to 96 % in each draw. A draw is a pair of a training run and a test run."""
+    """The 90 % lateral interval must contain the true position of 86 to 95 % of the objects on average over the
+    draws, and of 84 to 97 % in each draw. A draw is a pair of a training run and a test run."""
     draws = 2 if arguments.quick else 5
     kinds = [(records, ()) for records in (50, 200, 400, 1000)]
     if not arguments.quick:
@@ -77,9 +77,10 @@ def intervals():
             model = train(dataset(records, *settings))
             shares.append(evaluate(model, dataset(1000, *settings))["calibration"]["within_lateral_interval_90"])
         print(f"| {name} | {np.mean(shares):.3f} | {', '.join(f'{s:.3f}' for s in shares)} |")
-        expect(f"share within the interval, {name}", np.mean(shares), .86, .94)
+        # With the tolerance of the mounting, the interval is 8 to 10 % wider than the errors without a bias require.
+        expect(f"share within the interval, {name}", np.mean(shares), .86, .95)
         expect(f"least of {draws} draws", min(shares), .84, 1)
-        expect(f"greatest of {draws} draws", max(shares), 0, .96)
+        expect(f"greatest of {draws} draws", max(shares), 0, .97)
 
 
 def records():
@@ -168,6 +169,41 @@ def windows():
         expect(f"share within the interval, {name}", stated["within_lateral_interval_90"], .84, 1)
 
 
+# Ranges of the settings in which runs differ from the training.
+UNLIKE = {"girth": (.7, 1.6), "shoulder_width": (.8, 1.3), "limb_width": (.6, 1.6), "leg_length": (.85, 1.15), "pose_spread": (.4, 1.5),
+          "albedo_contrast": (0, 1.2), "radar_cloth": (.3, 3), "radar_skin": (.3, 3), "radar_plate": (.3, 3), "radar_lobe": (.4, 2.5),
+          "optical_lobe": (.4, 2.5), "radar_snr_db": (13, 25), "irf_fwhm_ps": (120, 400), "radar_psf_width": (.85, 1.3),
+          "signal_photons": (2e4, 3e5), "camera_height_m": (.8, 1.4), "letter_scale": (.7, 1.4), "radar_follows_albedo": (0, 1),
+          "spd_falloff": (0, 1), "radar_falloff": (0, 1), "body_spread": (0, .3), "target_scale": (.85, 1.15)}
+
+
+def unlike():
+    """In runs with two to seven changed settings, the widened intervals must contain 82 to 95 % of the true positions on
+    average. Runs like the training must keep their intervals."""
+    rng, model, runs_of = np.random.default_rng(11), train(dataset(1000), "--model", "factorised"), 12 if arguments.quick else 40
+    like = [evaluate(model, dataset(100))["domain_shift"]["interval_factor"] for _ in range(10)]
+    shares, factors = [], []
+    for _ in range(runs_of):
+        names = rng.choice(sorted(UNLIKE), rng.integers(2, 8), replace=False)
+        result = evaluate(model, dataset(300, *(f"{name}={rng.uniform(*UNLIKE[name]):.4f}" for name in names)))
+        shares.append(result["calibration"]["within_lateral_interval_90"])
+        factors.append(result["domain_shift"]["interval_factor"])
+    print(f"| {np.mean(shares):.3f} ({min(shares):.2f} to {max(shares):.2f}) | {np.median(factors):.2f} ({max(factors):.2f}) |")
+    expect("share within the widened intervals", np.mean(shares), .82, .95)
+    expect("greatest factor of ten runs like the training", max(like), 1, 1.1)
+
+
+def static_echoes():
+    """In rooms with walls, a range bias of 2 cm must be named in at least 80 % of runs of 100 records, and no run without a
+    bias may be named."""
+    for room in ("room",) if arguments.quick else ("room", "other", "corridor"):
+        model = train(dataset(400, f"background={room}"), "--model", "mean-shape")
+        for bias, runs_of, least, most in ((0, 20, 0, 0), (.02, 5, .8, 1), (-.02, 5, .8, 1)):
+            named = ["static echoes" in evaluate(model, dataset(100, f"background={room}", f"radar_bias_m={bias}"))["domain_shift"]["text"]
+                     for _ in range(runs_of)]
+            expect(f"runs named in a {room} with a bias of {bias} m", np.mean(named), least, most)
+
+
 def laboratory():
     """A fault-free run of the simulated laboratory must match a simulated data set with the same slot length."""
     for window_s, count in ((.2, 100), (1, 60)) if arguments.quick else ((.2, 200), (1, 100), (3, 60)):
@@ -182,7 +218,7 @@ def laboratory():
         expect(f"run with slots of {window_s} s matches the training", ": this run matches the training data" in text, 1, 1)
 
 
-for part in arguments.parts or ["intervals", "records", "runs", "two_bodies", "windows", "laboratory"]:
+for part in arguments.parts or ["intervals", "records", "runs", "two_bodies", "windows", "unlike", "static_echoes", "laboratory"]:
     print(f"{part}: {globals()[part].__doc__}", flush=True)
     globals()[part]()
 sys.exit(f"{len(failures)} figures are outside their limits: {'; '.join(failures)}" if failures else 0)
