@@ -13,7 +13,7 @@
 namespace echofuse::acquire {
 namespace {
 
-constexpr double tick_s = 5e-9;
+constexpr double tick_s = 1 / RadarFrame::clock_hz;
 constexpr std::uint64_t shortest_chain = 8;
 // Number of frames that may be damaged between two members of a chain.
 constexpr std::size_t max_damaged = 32;

@@ -30,7 +30,7 @@ FrameTimes times_of(const std::string& path, const radar::RadarProfile& profile)
   std::vector<double> delays_s;
   const auto add = [&](const RadarFrame& f) {
     delays_s.push_back(delay_s(profile, f.subframe));
-    const auto delay = std::llround(delays_s.back() * 200e6);
+    const auto delay = std::llround(delays_s.back() * RadarFrame::clock_hz);
     headers.push_back({f.frame_number * profile.subframes + f.subframe, f.frame_number,
                        f.time_cpu_cycles - static_cast<std::uint32_t>(delay)});
   };

@@ -113,8 +113,9 @@ class SensorClocks {
  private:
   ClockFit& of(Sensor s) { return fits_[s]; }
 
-  // Tick durations: 1 ps for time tags, 5 ns for the radar's CPU cycles, 1 us for the camera.
-  PerSensor<ClockFit> fits_{ClockFit(1e-12), ClockFit(5e-9, 32), ClockFit(1e-6)};
+  // Tick durations: 1 ps for time tags, 5 ns for the radar's cycles, 1 us for the camera.
+  PerSensor<ClockFit> fits_{ClockFit(1e-12), ClockFit(1 / RadarFrame::clock_hz, 32),
+                            ClockFit(1e-6)};
 };
 
 }  // namespace echofuse::acquire

@@ -75,14 +75,14 @@ struct RadarTemperature {
 };
 
 struct RadarFrame {
-  HostTime received{};             // arrival time minus the known delay since the first chirp
-  std::uint32_t frame_number = 0;  // frame number, counted since power-up
-  // device time in cycles of a 200 MHz clock; wraps every 21.47 s
-  std::uint32_t time_cpu_cycles = 0;
-  std::uint32_t lost_before = 0;  // number of frames missing before this one
-  std::uint32_t subframe = 0;     // index of the subframe within its frame
-  std::uint32_t subframes = 1;    // number of subframes per frame, according to the cfg
-  std::vector<float> power;       // range profile, linear power; empty if not sent
+  static constexpr double clock_hz = 200e6;  // TI SDK 3, MmwDemo_output_message_header
+  HostTime received{};                // arrival time minus the known delay since the first chirp
+  std::uint32_t frame_number = 0;     // frame number, counted since power-up
+  std::uint32_t time_cpu_cycles = 0;  // device time in cycles of clock_hz; wraps every 21.47 s
+  std::uint32_t lost_before = 0;      // number of frames missing before this one
+  std::uint32_t subframe = 0;         // index of the subframe within its frame
+  std::uint32_t subframes = 1;        // number of subframes per frame, according to the cfg
+  std::vector<float> power;           // range profile, linear power; empty if not sent
   // Heat map from TLV 4 (azimuth antennas) or TLV 8 (all antennas). For each range bin and virtual
   // antenna there are two values: the imaginary part, then the real part. Empty if the frame had
   // neither TLV.

@@ -231,12 +231,11 @@ void RadarDriver::check_array(RadarFrame& frame) {
 // Warns if three successive frame intervals, measured by the board's clock, differ from the frame
 // period of the cfg.
 void RadarDriver::check_period(const RadarFrame& frame) {
-  constexpr double clock_hz = 200e6;
   constexpr int enough = 3;
   const FrameCount now{frame.frame_number, frame.time_cpu_cycles},
       last = std::exchange(last_frame_, now);
   if (profile_.subframes > 1 || now.number != last.number + 1 || odd_periods_ == enough) return;
-  const double period_s = (now.cycles - last.cycles) / clock_hz,
+  const double period_s = (now.cycles - last.cycles) / RadarFrame::clock_hz,
                expected_s = profile_.frame_period_s;
   odd_periods_ = std::abs(period_s - expected_s) > expected_s / 2 ? odd_periods_ + 1 : 0;
   if (odd_periods_ < enough) return;
