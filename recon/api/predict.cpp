@@ -54,9 +54,9 @@ void put_row(Column& column, const ColumnAxis& axis, std::span<const float> valu
 // bias.
 Dataset dataset_of(const TrainedModel& model, std::span<const float> spd,
                    std::span<const float> radar) {
-  const Features& takes = model->features;
+  const Features& takes = model.first().features;
   Dataset data;
-  data.map = model->scene.grid;
+  data.map = model.first().scene.grid;
   data.depth() = Matrix(1, 0);
   SensorSet valid;
   if (takes.spd_count() > 0) {
@@ -78,7 +78,7 @@ Dataset dataset_of(const TrainedModel& model, std::span<const float> spd,
 DepthMap map_of(const TrainedModel& model, Dataset data) {
   const bool complete = has_inputs(data, 0, model.for_run(data).features.inputs);
   DepthMap out =
-      public_map(map_record(model, std::move(data), fullest_detail(model)), model->scene);
+      public_map(map_record(model, std::move(data), fullest_detail(model)), model.first().scene);
   if (!out.fault.empty())
     out.fault_code = complete ? FaultCode::constant_values : FaultCode::sensor_missing;
   return out;
@@ -92,23 +92,23 @@ Exception::Exception(ErrorCode code, const std::string& text)
 Model::Model(const std::string& path)
     : file_(guarded(ErrorCode::damaged, [&] {
         TrainedModel model = recon::load_model(path);
-        std::string inputs = name_of(model->features.inputs);
+        std::string inputs = name_of(model.first().features.inputs);
         return std::make_shared<File>(std::move(model), std::move(inputs));
       })) {}
 
-const std::string& Model::name() const { return file_->model->name; }
+const std::string& Model::name() const { return file_->model.first().name; }
 const std::string& Model::inputs() const { return file_->inputs; }
-bool Model::calibrated() const { return file_->model->uncertainty.has_value(); }
+bool Model::calibrated() const { return file_->model.first().uncertainty.has_value(); }
 RunAxis Model::spd_axis() const {
-  const Features& takes = file_->model->features;
+  const Features& takes = file_->model.first().features;
   return takes.spd_count() > 0 ? public_axis(takes.axes.spd) : RunAxis{};
 }
 RunAxis Model::radar_axis() const {
-  const Features& takes = file_->model->features;
+  const Features& takes = file_->model.first().features;
   return takes.radar_count() > 0 ? public_axis(takes.axes.radar) : RunAxis{};
 }
-std::size_t Model::zones() const { return file_->model->features.axes.spd.zones.size(); }
-MapGrid Model::grid() const { return public_grid(file_->model->scene.grid); }
+std::size_t Model::zones() const { return file_->model.first().features.axes.spd.zones.size(); }
+MapGrid Model::grid() const { return public_grid(file_->model.first().scene.grid); }
 
 DepthMap predict(const Model& model, const Record& record) {
   const TrainedModel& trained = Internals::model(model);
@@ -116,7 +116,7 @@ DepthMap predict(const Model& model, const Record& record) {
   return guarded(ErrorCode::usage, [&] {
     DepthMap out;
     Dataset data = recon::load_record(*contents.run, contents.record,
-                                      sensors_of(trained->features.inputs), out.fault);
+                                      sensors_of(trained.first().features.inputs), out.fault);
     if (!out.fault.empty()) return out.fault_code = FaultCode::damaged, out;
     return map_of(trained, std::move(data));
   });

@@ -168,7 +168,7 @@ Command add_reconstruct(CLI::App& app, const Common& common) {
     };
     const TrainedModel model = model_for_room(a->model, a->empty, a->range_offset_m);
     reconstruct(model, a->run, *a);
-    if (!model->uncertainty && !common.quiet)
+    if (!model.first().uncertainty && !common.quiet)
       std::fprintf(stderr, "%s: %s: %s\n", printable(a->model).c_str(), calibration_of(model),
                    why_not_calibrated);
     talk.finish(a->out);

@@ -119,7 +119,8 @@ nlohmann::json paired_json(const std::vector<MethodScores>& all) {
 std::optional<Inputs> asked_by(const std::vector<TrainedModel>& models) {
   std::optional<Inputs> out;
   for (const TrainedModel& model : models)
-    if (const Inputs own = model->features.inputs; model->name != "mean" && model->name != "empty")
+    if (const Inputs own = model.first().features.inputs;
+        model.first().name != "mean" && model.first().name != "empty")
       out = out && *out != own ? Inputs::fused : own;
   return out;
 }
@@ -174,7 +175,7 @@ ExitCode evaluate_models(const Arguments& a, const Common& common) {
   if (!a.train.empty()) {
     other = load(a.train);
     if (!a.all) refuse_training_run(data, other, {});
-    require_map(other, models[0]->scene.grid, "the model");
+    require_map(other, models[0].first().scene.grid, "the model");
   }
   const Dataset& trained_on = a.train.empty() ? data : other;
   const std::optional<Inputs> asked = count > 1 ? asked_by(models) : std::nullopt;
@@ -202,10 +203,11 @@ ExitCode evaluate_models(const Arguments& a, const Common& common) {
     if (const std::size_t lacking = whole.size() - rows.size(); lacking > 0)
       e.left_out += lacking, e.faults["no data from a sensor that another model needs"] += lacking;
     if (k == 0)
-      e.baselines = score_baselines(data, rows, scoring->scene, trained_on,
-                                    a.train.empty() ? model.rows_of(trained_on, Subset::train)
-                                                    : usable(trained_on, model->features.inputs),
-                                    title("scoring baselines"));
+      e.baselines =
+          score_baselines(data, rows, scoring->scene, trained_on,
+                          a.train.empty() ? model.rows_of(trained_on, Subset::train)
+                                          : usable(trained_on, model.first().features.inputs),
+                          title("scoring baselines"));
     set_threads(1);
     e.cost = measure_cost(model, records.data, rows, a.files[k]);
     set_threads(common.threads);

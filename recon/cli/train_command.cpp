@@ -92,9 +92,10 @@ TrainedModel tune_model(const Arguments& a, bool test_share_given) {
   if (!a.fit.quiet)
     std::fprintf(stderr, "%s%s%s%s", tuned.left_out.c_str(), tuned.left_out.empty() ? "" : "\n",
                  printable_lines(to_text(tuned)).c_str(),
-                 tuned.model->uncertainty ? ""
-                                          : "not calibrated: at least 50 records are needed to "
-                                            "estimate the errors of the maps\n");
+                 tuned.model.first().uncertainty
+                     ? ""
+                     : "not calibrated: at least 50 records are needed to "
+                       "estimate the errors of the maps\n");
   return std::move(tuned.model);
 }
 
@@ -125,7 +126,7 @@ void predict_one(const TrainedModel& model, const std::vector<std::string>& runs
     const record::RunReader file(record::old_run(run));
     if (file.info().uuid != model.training.runs[model.training.run.front()]) continue;
     const std::int64_t index = model.training.index.front();
-    Dataset one = load_part(file, index, 1, sensors_of(model->features.inputs),
+    Dataset one = load_part(file, index, 1, sensors_of(model.first().features.inputs),
                             [](std::int64_t, const std::string&) {});
     if (one.size() == 0 || one.records[0].index != index) continue;
     predict(model, prepare_records(model, std::move(one)).data, {0});
@@ -153,12 +154,13 @@ ExitCode train_and_save(Arguments& a, const CLI::App& app, const Common& common)
                  a.out.c_str(), trained);
   if (!common.quiet)
     std::fprintf(stderr, "%s: model %s, inputs %s, trained in %.1f s%s%s\n", a.out.c_str(),
-                 model->name.c_str(), name_of(model->features.inputs).c_str(), model.train_s(),
-                 model->log.best_epoch > 0 || model->log.loss.empty()
+                 model.first().name.c_str(), name_of(model.first().features.inputs).c_str(),
+                 model.train_s(),
+                 model.first().log.best_epoch > 0 || model.first().log.loss.empty()
                      ? ""
                      : "; the network was never better than a prediction of the mean map",
-                 model->log.interrupted ? "; interrupted, saved the best epoch so far" : "");
-  return model->log.interrupted ? ExitCode::interrupted : ExitCode::ok;
+                 model.first().log.interrupted ? "; interrupted, saved the best epoch so far" : "");
+  return model.first().log.interrupted ? ExitCode::interrupted : ExitCode::ok;
 }
 
 }  // namespace

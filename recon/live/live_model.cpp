@@ -16,13 +16,13 @@ using namespace recon;
 Reconstruction made(const TrainedModel& whole, const record::RunReader& run, std::int64_t index,
                     PredictionDetail detail) {
   Reconstruction out;
-  out.grid = whole->scene.grid;
+  out.grid = whole.first().scene.grid;
   MappedRecord mapped = map_record(whole, run, index, detail);
   const RecordStatus& status = mapped.status;
   out.fault = status.fault, out.note = status.note;
   if (!out.fault.empty()) return out;
   if (status.body) out.x_m = status.body->x_m, out.z_m = status.body->z_m;
-  out.map_m = thresholded_map(mapped.map_m, whole->scene);
+  out.map_m = thresholded_map(mapped.map_m, whole.first().scene);
   if (!status.uncertainty) return out;
   const PredictionUncertainty& u = *status.uncertainty;
   out.deviation_m = std::move(mapped.deviation_m);
@@ -36,8 +36,8 @@ Reconstruction made(const TrainedModel& whole, const record::RunReader& run, std
 
 LiveModel::LiveModel(const std::string& path)
     : model_(load_model(path)),
-      name_(printable(std::filesystem::path(path).filename().string()) + " (" + model_->name +
-            ")") {}
+      name_(printable(std::filesystem::path(path).filename().string()) + " (" +
+            model_.first().name + ")") {}
 
 Reconstruction LiveModel::reconstruct(const record::RunReader& run, std::int64_t index,
                                       bool with_deviation) const {
@@ -61,7 +61,7 @@ bool LiveModel::saw(const std::string& run_uuid, std::int64_t index) const {
 
 void LiveModel::compare(Reconstruction& made, std::span<const float> camera_map_m) const {
   if (made.map_m.empty() || made.map_m.size() != camera_map_m.size()) return;
-  const MapScores scores = score(made.map_m, camera_map_m, model_->scene);
+  const MapScores scores = score(made.map_m, camera_map_m, model_.first().scene);
   if (std::isfinite(scores[metric_iou])) made.iou = scores[metric_iou];
   if (std::isfinite(scores[metric_lateral_m])) made.lateral_error_m = scores[metric_lateral_m];
 }
@@ -69,9 +69,9 @@ void LiveModel::compare(Reconstruction& made, std::span<const float> camera_map_
 GroupCheck LiveModel::check(const record::RunReader& run, std::int64_t first,
                             std::int64_t count) const {
   try {
-    Dataset data =
-        load_part(run, first, static_cast<std::size_t>(count), sensors_of(model_->features.inputs),
-                  [](std::int64_t, const std::string&) {});
+    Dataset data = load_part(run, first, static_cast<std::size_t>(count),
+                             sensors_of(model_.first().features.inputs),
+                             [](std::int64_t, const std::string&) {});
     if (data.size() == 0) return {};
     const Records records = prepare_records(model_, std::move(data));
     const DomainShift shift = domain_shift_of(model_, records.data);

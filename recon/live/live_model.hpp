@@ -36,7 +36,7 @@ class LiveModel {
  public:
   explicit LiveModel(const std::string& path);  // throws the same errors as recon::load_model
   const std::string& name() const { return name_; }
-  bool calibrated() const { return model_->uncertainty.has_value(); }
+  bool calibrated() const { return model_.first().uncertainty.has_value(); }
   // Returns true if this record was used in training or validation.
   bool saw(const std::string& run_uuid, std::int64_t index) const;
   // Predicts the map of a record. Sets `fault` instead of throwing if the record or the run cannot

@@ -129,7 +129,7 @@ class RunReconstructor {
   RunReconstructor(const TrainedModel& model, const ReconstructOptions& options)
       : model_(model),
         options_(options),
-        files_(options.out, options.formats, model->scene),
+        files_(options.out, options.formats, model.first().scene),
         table_(options.out + "/records.csv"),
         started_(clock_.now()) {}
 
@@ -168,7 +168,7 @@ class RunReconstructor {
 
 // Reads the next records without depth images, because these are not needed to predict maps.
 Dataset RunReconstructor::read(const record::RunReader& run, std::size_t at_most) {
-  Dataset out = load_part(run, next_, at_most, sensors_of(model_->features.inputs),
+  Dataset out = load_part(run, next_, at_most, sensors_of(model_.first().features.inputs),
                           [&](std::int64_t index, const std::string& fault) {
                             bad_.push_back({index, fault, {}, {}});
                           });

@@ -100,20 +100,20 @@ std::string adapt_to_room(TrainedModel& model, const std::string& path, double r
   Rows seen;
   for (std::size_t row = 0; row < empty.size(); ++row)
     if (empty.has(row, Sensor::depth)) seen.push_back(row);
-  if (!seen.empty()) require_map(empty, model->scene.grid, "the model");
+  if (!seen.empty()) require_map(empty, model.first().scene.grid, "the model");
   std::string text =
       seen.empty()
           ? printable(path) +
                 ": the run has no depth maps, so predicted maps show the walls of the training room"
           : "";
   const std::vector<float> walls =
-      seen.empty() ? model->scene.background : column_quantile(empty.depth(), seen, 0.5);
-  if (!model->alignment.known() || !model->model->show_background(walls))
-    throw Error(ExitCode::failed, model->name +
+      seen.empty() ? model.first().scene.background : column_quantile(empty.depth(), seen, 0.5);
+  if (!model.first().alignment.known() || !model.first().model->show_background(walls))
+    throw Error(ExitCode::failed, model.first().name +
                                       " models cannot be used in another room; expected a "
                                       "factorised or mean-shape model");
-  const std::vector<float>& home = model->scene.background;
-  if (!model->knows_empty_room &&
+  const std::vector<float>& home = model.first().scene.background;
+  if (!model.first().knows_empty_room &&
       std::any_of(home.begin(), home.end(), [](float depth_m) { return depth_m > 0; }))
     text += std::string(text.empty() ? "" : "; ") +
             "the model was trained without --empty, so the walls of the training room may affect "

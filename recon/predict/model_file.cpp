@@ -49,7 +49,7 @@ void archive_split(Archive archive, SplitOptions& split) {
 // Requires that all estimators have the axes of the first one, and that each uses fewer sensors
 // than the previous one.
 void check_list(const Archive& archive, const TrainedModel& model) {
-  const Features& first = model->features;
+  const Features& first = model.first().features;
   for (std::size_t k = 1; k < model.estimators.size(); ++k) {
     const Features& own = model.estimators[k].features;
     const Features& before = model.estimators[k - 1].features;
@@ -60,7 +60,8 @@ void check_list(const Archive& archive, const TrainedModel& model) {
     archive.require(same_axis(own.axes.spd, first.axes.spd) &&
                         (!of_profile || same_axis(own.axes.radar, first.axes.radar)),
                     name + "/axes", "expected the same axes as in the first estimator");
-    archive.require(model.estimators[k].scene.grid == model->scene.grid, name + "/scene/map_size",
+    archive.require(model.estimators[k].scene.grid == model.first().scene.grid,
+                    name + "/scene/map_size",
                     "expected the same map grid as in the first estimator");
   }
 }

@@ -156,7 +156,7 @@ Prediction predict(const TrainedModel& model, const Dataset& data, const Rows& r
   std::vector<const Estimator*> estimator_for;
   for (const std::size_t row : rows) estimator_for.push_back(model.estimator_for(data, row));
   Prediction out;
-  out.maps.cols = model->scene.background.size();
+  out.maps.cols = model.first().scene.background.size();
   for (const Estimator& by : model.estimators) {
     Rows places;  // indices into `rows`
     for (std::size_t i = 0; i < rows.size(); ++i)
@@ -172,7 +172,7 @@ Prediction predict(const TrainedModel& model, const Dataset& data, const Rows& r
 }
 
 PredictionDetail fullest_detail(const TrainedModel& model) {
-  return model->uncertainty ? PredictionDetail::pixels : PredictionDetail::maps;
+  return model.first().uncertainty ? PredictionDetail::pixels : PredictionDetail::maps;
 }
 
 std::vector<MappedRecord> map_records(const TrainedModel& model, const Records& records,
@@ -193,7 +193,7 @@ std::vector<MappedRecord> map_records(const TrainedModel& model, const Records& 
     MappedRecord& made = out[places[i]];
     const auto map = all.maps.row(i);
     made.map_m.assign(map.begin(), map.end());
-    if (const BodyPlace at = body_place(map, model->scene); !std::isnan(at.x_m))
+    if (const BodyPlace at = body_place(map, model.first().scene); !std::isnan(at.x_m))
       made.status.body = at;
     if (!all.uncertainties.empty() && all.uncertainties[i].stated)
       made.status.uncertainty = all.uncertainties[i];
@@ -216,7 +216,7 @@ MappedRecord map_record(const TrainedModel& model, Dataset recorded, PredictionD
 MappedRecord map_record(const TrainedModel& model, const record::RunReader& run, std::int64_t index,
                         PredictionDetail detail) {
   std::string fault = "cannot read the record";
-  Dataset data = load_part(run, index, 1, sensors_of(model->features.inputs),
+  Dataset data = load_part(run, index, 1, sensors_of(model.first().features.inputs),
                            [&](std::int64_t at, const std::string& why) {
                              if (at == index) fault = why;
                            });
@@ -229,7 +229,7 @@ Matrix TrainedModel::predict(const Dataset& data, const Rows& rows) const {
 }
 
 void require_uncertainty(const TrainedModel& model) {
-  if (!model->uncertainty)
+  if (!model.first().uncertainty)
     throw Error(ExitCode::usage, std::string("the model is not calibrated: ") + why_not_calibrated +
                                      "; train the model again");
 }

@@ -48,8 +48,6 @@ struct TrainedModel {
   // Returns the first estimator, which is used for all records with complete data.
   const Estimator& first() const { return estimators.front(); }
   Estimator& first() { return estimators.front(); }
-  const Estimator* operator->() const { return &first(); }
-  Estimator* operator->() { return &first(); }
   double train_s() const;  // returns the total training time of all estimators, s
 
   // Returns the first estimator that matches the radar antennas of the run.
@@ -82,7 +80,7 @@ inline const char* calibration_name(bool calibrated) {
   return calibrated ? "calibrated" : "not calibrated";
 }
 inline const char* calibration_of(const TrainedModel& model) {
-  return calibration_name(model->uncertainty.has_value());
+  return calibration_name(model.first().uncertainty.has_value());
 }
 // Explains which model and training a calibration requires.
 constexpr const char* why_not_calibrated =

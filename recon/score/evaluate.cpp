@@ -110,7 +110,7 @@ void score_predictions(const TrainedModel& model, const Records& records, const 
   Progress progress(title, rows.size(), title.empty());
   constexpr std::size_t at_once = 512;
   const PredictionDetail detail =
-      model->uncertainty ? PredictionDetail::pixels : PredictionDetail::maps;
+      model.first().uncertainty ? PredictionDetail::pixels : PredictionDetail::maps;
   std::vector<MapScores>& scores = out.scores;
   StatedUncertainty uncertainty;
   for (std::size_t first = 0; first < rows.size(); first += at_once) {
@@ -119,9 +119,10 @@ void score_predictions(const TrainedModel& model, const Records& records, const 
     Prediction one = predict(model, records.data, part, detail);
     for (PredictionUncertainty& u : one.uncertainties)
       u.lateral_interval_90_m *= out.domain_shift.interval_factor;
-    if (!one.uncertainties.empty() && model->uncertainty)
+    if (!one.uncertainties.empty() && model.first().uncertainty)
       uncertainty.add(one, records.data, part, scoring);
-    if (one.uncertainties.empty() && model->uncertainty) one.uncertainties.resize(part.size());
+    if (one.uncertainties.empty() && model.first().uncertainty)
+      one.uncertainties.resize(part.size());
     out.uncertainties.insert(out.uncertainties.end(), one.uncertainties.begin(),
                              one.uncertainties.end());
     const auto some = score_maps(one.maps, records.data, part, scoring);
@@ -129,7 +130,7 @@ void score_predictions(const TrainedModel& model, const Records& records, const 
     progress.update(scores.size());
   }
   out.metrics = summarise(scores);
-  if (model->uncertainty) out.calibration = uncertainty.mean();
+  if (model.first().uncertainty) out.calibration = uncertainty.mean();
 }
 
 }  // namespace
@@ -185,7 +186,7 @@ Rows rows_to_evaluate(const TrainedModel& model, const Dataset& data, bool all) 
            : trained_on
                ? ": all records of this run are copies of training records" + std::string(use_all)
                : ": no record contains a depth map and valid data of the sensors of a \"" +
-                     name_of(model->features.inputs) + "\" model"));
+                     name_of(model.first().features.inputs) + "\" model"));
 }
 
 ScoringScene scoring_scene(const Dataset& training) {
@@ -198,12 +199,12 @@ ScoringScene scoring_scene(const Dataset& training) {
 
 ScoringScene scoring_scene(const TrainedModel& model, const Dataset& data) {
   const Rows seen = with_sound_depth(data);
-  if (model.knows(data) || seen.size() < least_of_room) return {model->scene, {}};
+  if (model.knows(data) || seen.size() < least_of_room) return {model.first().scene, {}};
   SceneModel own = learn_scene(data.depth(), seen, data.map);
   std::size_t moved = 0;
   for (std::size_t p = 0; p < own.background.size(); ++p)
-    moved += std::abs(own.background[p] - model->scene.background[p]) > 0.1f;
-  if (2 * moved < own.background.size()) return {model->scene, {}};
+    moved += std::abs(own.background[p] - model.first().scene.background[p]) > 0.1f;
+  if (2 * moved < own.background.size()) return {model.first().scene, {}};
   return {std::move(own),
           "the room differs from the training room: foreground and background are learnt from the "
           "depth maps of this run; use --train RUN to learn them from other runs"};
@@ -254,7 +255,7 @@ Evaluation evaluate(const TrainedModel& model, const Records& records, const Row
   const Dataset& data = records.data;
   Evaluation out;
   out.scoring = scoring ? *scoring : scoring_scene(model, data);
-  out.model = model->name;
+  out.model = model.first().name;
   out.inputs = model.for_run(data).features.inputs;
   out.records = rows.size(), out.rows = rows;
   out.antennas = records.antennas, out.response = records.response;

@@ -118,7 +118,7 @@ TrainedModel train_split(const Dataset& data, const Split& split, const SceneMod
     if (!model.estimators.empty() && interrupted()) break;
     model.estimators.push_back(std::move(one));
   }
-  model->log.interrupted |= interrupted();
+  model.first().log.interrupted |= interrupted();
   return model;
 }
 

@@ -97,7 +97,8 @@ Tuning without_training(Tuning tuning) {
 // background is chosen only if it is better by one standard error.
 BackgroundSource better_room(const Start& start, const SceneModel& assessed_by, const Split& split,
                              const TuneOptions& options) {
-  if (!wants_alignment(start.model->name) || !options.only.empty()) return BackgroundSource::kept;
+  if (!wants_alignment(start.model.first().name) || !options.only.empty())
+    return BackgroundSource::kept;
   Choice choice(assessed_by, split, options.split);
   for (const BackgroundSource room : {BackgroundSource::kept, BackgroundSource::learnt})
     choice.add("background", start.data, [&, room](const Rows& rows) {
@@ -144,11 +145,11 @@ void try_all(Choice& choice, const Start& start, const Split& split, const TuneO
 TrainingRows rows_of(const std::vector<Start>& starts) {
   TrainingRows out;
   for (const Start& start : starts) {
-    if (!can_be_tuned(start.model->name))
+    if (!can_be_tuned(start.model.first().name))
       throw Error(ExitCode::failed,
-                  "a model of type " + start.model->name +
+                  "a model of type " + start.model.first().name +
                       " cannot be tuned; expected mean-shape, factorised, mlp or pca-mlp");
-    const TrainingRows found = rows_to_train(start.data, start.model->features.inputs);
+    const TrainingRows found = rows_to_train(start.data, start.model.first().features.inputs);
     Rows both;
     std::ranges::set_intersection(out.rows, found.rows, std::back_inserter(both));
     if (&start == &starts.front())
@@ -238,8 +239,8 @@ TrainingRecords both(const TrainingRecords& old, TrainingRecords seen) {
 }  // namespace
 
 void match_for_tuning(const TrainedModel& from, const std::string& path, Dataset& data) {
-  require_map(data, from->scene.grid, "the model");
-  const Features& f = from->features;
+  require_map(data, from.first().scene.grid, "the model");
+  const Features& f = from.first().features;
   const Layout used = f.layout();
   for (const auto& [found, expected] : {std::pair{&data.spd(), &used.spd},
                                         {&data.radar(), &used.radar},
@@ -290,7 +291,7 @@ TunedModel tune(const std::vector<Start>& starts, const TuneOptions& options) {
   TrainedModel& model = out.model;
   model.estimators.push_back(choice.fit());
   model.split = options.split;
-  model->fit.seed = options.tuning.seed;
+  model.first().fit.seed = options.tuning.seed;
   model.training = both(from.training, training_records(data, split));
   model.data_hash = data.hash;
   model.response = by_alone ? ModelResponse(data) : from.response;
@@ -303,7 +304,7 @@ TunedModel tune(const std::vector<Start>& starts, const TuneOptions& options) {
   for (std::size_t k = 1; k < from.estimators.size(); ++k)
     model.estimators.push_back(
         tune_other(from.estimators[k], data, split, options, !stayed, by_alone));
-  model->train_s =
+  model.first().train_s =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count();
   return out;
 }

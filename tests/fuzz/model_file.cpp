@@ -235,7 +235,7 @@ void check_answers(const TrainedModel& model) {
     if (model.fault_of(data, row).empty()) rows.push_back(row);
   const Prediction found =
       predict(model, data, rows,
-              model->uncertainty ? PredictionDetail::pixels : PredictionDetail::uncertainty);
+              model.first().uncertainty ? PredictionDetail::pixels : PredictionDetail::uncertainty);
   require(found.maps.values.size() == rows.size() * pixels, "every record has a map");
   for (const float v : found.maps.values) require(std::isfinite(v), "map values are finite");
   for (const float v : found.deviation.values) require(v >= 0, "a deviation is not negative");

@@ -75,16 +75,16 @@ TEST_CASE("the API predicts the same depth map as the model, from a record or fr
       recon::prepare_records(whole, recon::load_recorded({dir / "fresh"}));
   CHECK(model.name() == "mean-shape");
   CHECK(model.inputs() == "fused");
-  CHECK(model.calibrated() == whole->uncertainty.has_value());
+  CHECK(model.calibrated() == whole.first().uncertainty.has_value());
   CHECK(model.spd_axis().count == 30);
   CHECK(model.grid().pixels() == 64 * 64);
   for (std::int64_t i = 0; i < run.count(); ++i) {
     const DepthMap map = predict(model, run.read(i));
     const auto row = static_cast<std::size_t>(i);
     const recon::Matrix maps = whole.predict(records.data, {row});
-    CHECK(map.depth_m == recon::thresholded_map(maps.row(0), whole->scene));
+    CHECK(map.depth_m == recon::thresholded_map(maps.row(0), whole.first().scene));
     REQUIRE(map.body);
-    CHECK(map.body->z_m == Approx(recon::body_place(maps.row(0), whole->scene).z_m));
+    CHECK(map.body->z_m == Approx(recon::body_place(maps.row(0), whole.first().scene).z_m));
     CHECK(map.deviation_m.size() == (model.calibrated() ? 64u * 64 : 0u));
     const Record record = run.read(i);
     const std::vector<float> counts(record.spd().begin(), record.spd().end());
@@ -133,7 +133,7 @@ TEST_CASE("the API predicts the records of the default runs as the model does") 
     const DepthMap map = predict(model, record);
     REQUIRE(map.fault.empty());
     const recon::Matrix maps = whole.predict(data, {static_cast<std::size_t>(i)});
-    CHECK(map.depth_m == recon::thresholded_map(maps.row(0), whole->scene));
+    CHECK(map.depth_m == recon::thresholded_map(maps.row(0), whole.first().scene));
   }
 }
 

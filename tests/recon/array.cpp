@@ -70,7 +70,8 @@ double iou_of(const TrainedModel& model, const std::string& path) {
   Dataset data = load({path});
   model.match(data);
   const Rows rows = all_rows(data.size());
-  return summarise(score_maps(model.predict(data, rows), data, rows, model->scene))[metric_iou]
+  return summarise(
+             score_maps(model.predict(data, rows), data, rows, model.first().scene))[metric_iou]
       .mean;
 }
 
@@ -163,8 +164,8 @@ TEST_CASE("a model trained with antenna samples requires such samples and tolera
   write_plates(dir / "biased", 60, 2, {}, 0.1);
   a_run(60, 2).write(dir / "profile");
   TrainedModel model = train(load({dir / "train"}), factorised());
-  CHECK(model->features.axes.array.count > 0);
-  CHECK(model->alignment.array_features() > 0);
+  CHECK(model.first().features.axes.array.count > 0);
+  CHECK(model.first().alignment.array_features() > 0);
   save_model(model, dir / "model.h5");
   const TrainedModel loaded = load_model(dir / "model.h5");
   const double iou = iou_of(loaded, dir / "fresh");
@@ -173,7 +174,7 @@ TEST_CASE("a model trained with antenna samples requires such samples and tolera
   TrainOptions of_profile = factorised();
   of_profile.inputs = "fused-profile";
   const TrainedModel one_antenna = train(load({dir / "train"}), of_profile);
-  CHECK(one_antenna->features.axes.array.count == 0);
+  CHECK(one_antenna.first().features.axes.array.count == 0);
   CHECK(iou_of(one_antenna, dir / "fresh") > 0.6);
   CHECK(iou_of(one_antenna, dir / "profile") == iou_of(one_antenna, dir / "fresh"));
   CHECK(iou_of(loaded, dir / "biased") > 0.9 * iou);

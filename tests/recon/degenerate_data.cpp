@@ -121,7 +121,7 @@ TEST_CASE(
             // The nearest-neighbour baseline is left out if all evaluated records are copies of
             // training records.
             const auto baselines =
-                score_baselines(*assessed, rows, model->scene, data, seen).size();
+                score_baselines(*assessed, rows, model.first().scene, data, seen).size();
             CHECK((baselines == 3 || (assessed == &data && baselines == 2)));
           }
           CHECK(std::isfinite(e.metrics[metric_rmse_m].mean));

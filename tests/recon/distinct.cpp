@@ -49,7 +49,7 @@ double lateral_error_m(const std::string& kind, const std::string& inputs) {
   const Dataset fresh = load({made_default_run(kind, "40", "2")});
   const Rows rows = all_rows(fresh.size());
   return summarise(score_maps(trained.predict(fresh, rows), fresh, rows,
-                              trained->scene))[metric_lateral_m]
+                              trained.first().scene))[metric_lateral_m]
       .mean;
 }
 

@@ -140,7 +140,7 @@ TEST_CASE("the factorised model places bodies on the correct side for any sensor
     std::vector<MapScores> out;
     const Matrix maps = trained().predict(data, rows);
     for (std::size_t i = 0; i < rows.size(); ++i)
-      out.push_back(score(maps.row(i), depth_maps(data).row(rows[i]), trained()->scene));
+      out.push_back(score(maps.row(i), depth_maps(data).row(rows[i]), trained().first().scene));
     return summarise(out);
   };
   const Summaries plain = scores(plates());
@@ -173,8 +173,8 @@ TEST_CASE("clicks in a bin that only one training record uses do not shift the p
   for (const std::size_t row : rows) *(around(row) - 8) = 50;
   const Matrix after = model.predict(data, rows);
   for (const std::size_t row : rows) {
-    const double moved = foreground_tangent(after.row(row), model->scene) -
-                         foreground_tangent(before.row(row), model->scene);
+    const double moved = foreground_tangent(after.row(row), model.first().scene) -
+                         foreground_tangent(before.row(row), model.first().scene);
     INFO(moved);
     CHECK(std::abs(moved) * 3.5 < 0.1);
   }
@@ -188,7 +188,8 @@ TEST_CASE(
     REQUIRE(one.row(0)[p] == Approx(many.row(1)[p]).margin(1e-3));
   Dataset dark = plates();
   for (float& v : photons(dark).values) v = 1;
-  CHECK(std::ranges::equal(trained().predict(dark, {5}).values, trained()->scene.background));
+  CHECK(
+      std::ranges::equal(trained().predict(dark, {5}).values, trained().first().scene.background));
 }
 
 TEST_CASE("invalid dimensions of the body-mask grid in a model file are refused") {

@@ -71,7 +71,7 @@ TEST_CASE(
                           (dir / "run") + " --out " + m)
                 .code == 0);
     const TrainedModel model = load_model(m);
-    CHECK(model->scene.grid == grid);
+    CHECK(model.first().scene.grid == grid);
     const Dataset data = load({dir / "run"});
     CHECK(model.predict(data, {0, 1}).cols == 24 * 24);
     const auto json =

@@ -48,7 +48,7 @@ TEST_CASE("a network with mask and depth outputs scores better than a depth regr
     options.fit.quiet = true;
     const TrainedModel trained = train(data, options);
     const Rows rows = rows_to_evaluate(trained, data, false);
-    return summarise(score_maps(trained.predict(data, rows), data, rows, trained->scene));
+    return summarise(score_maps(trained.predict(data, rows), data, rows, trained.first().scene));
   };
   const Summaries masked = scores("mlp-mask-48-24"), regressed = scores("mlp-48-24");
   CHECK(masked[metric_iou].mean > regressed[metric_iou].mean);

@@ -55,9 +55,9 @@ std::string fault_of(ByteView file) {
     const TrainedModel model = load_model("crafted", file);
     Dataset data = few;
     model.match(data);
-    const Prediction found =
-        predict(model, data, all_rows(data.size()),
-                model->uncertainty ? PredictionDetail::pixels : PredictionDetail::uncertainty);
+    const Prediction found = predict(
+        model, data, all_rows(data.size()),
+        model.first().uncertainty ? PredictionDetail::pixels : PredictionDetail::uncertainty);
     REQUIRE(found.maps.rows == data.size());
     return {};
   } catch (const Error& error) {

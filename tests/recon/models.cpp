@@ -40,7 +40,7 @@ const Dataset& plates() {
 
 Summaries scores_of(const TrainedModel& model) {
   const Rows rows = rows_to_evaluate(model, plates(), false);
-  return summarise(score_maps(model.predict(plates(), rows), plates(), rows, model->scene));
+  return summarise(score_maps(model.predict(plates(), rows), plates(), rows, model.first().scene));
 }
 
 }  // namespace
@@ -131,14 +131,14 @@ TEST_CASE("every kind of model predicts the same maps after it is saved and load
     const TrainedModel after = load_model(dir / "model");
     const Rows rows{0, 5, 599};
     CHECK(after.predict(plates(), rows).values == before.predict(plates(), rows).values);
-    CHECK(after->name == name);
+    CHECK(after.first().name == name);
     CHECK(after.split.kind == "blocked");
     CHECK(after.rows_of(plates(), Subset::test) == before.rows_of(plates(), Subset::test));
     CHECK(after.rows_of(plates(), Subset::test).size() == 60);
     CHECK(after.data_hash == plates().hash);
-    CHECK(after->log.loss == before->log.loss);
-    CHECK(after->model->cost().parameters == before->model->cost().parameters);
-    CHECK(after->scene.background == before->scene.background);
+    CHECK(after.first().log.loss == before.first().log.loss);
+    CHECK(after.first().model->cost().parameters == before.first().model->cost().parameters);
+    CHECK(after.first().scene.background == before.first().scene.background);
   }
 }
 
@@ -168,7 +168,7 @@ TEST_CASE(
   TrainOptions options = quick("mlp");
   options.fit.epochs = 400;
   options.fit.patience = 5;
-  const TrainingLog log = train(plates(), options)->log;
+  const TrainingLog log = train(plates(), options).first().log;
   CHECK(log.loss.size() < 400);
   CHECK(log.loss.size() == log.best_epoch + 5);
   CHECK(log.validation_loss.size() == log.loss.size());
@@ -213,7 +213,7 @@ TEST_CASE("evaluation scores the model and three baseline methods on the held-ou
   CHECK(rows.size() == 60);
   CHECK(rows_to_evaluate(model, plates(), true).size() == 600);
   const Rows seen = model.rows_of(plates(), Subset::train);
-  const auto baselines = score_baselines(plates(), rows, model->scene, plates(), seen);
+  const auto baselines = score_baselines(plates(), rows, model.first().scene, plates(), seen);
   REQUIRE(baselines.size() == 3);
   CHECK(baselines[0].name == "empty");
   CHECK(baselines[0].metrics[metric_iou].mean == 0);
@@ -229,8 +229,8 @@ TEST_CASE("evaluation scores the model and three baseline methods on the held-ou
     r = plate_record(r.index, r.index % 2 ? -x : x, z, noise);
   }).write(dir / "pairs");
   const Dataset pairs = load({dir / "pairs"});
-  const auto both =
-      score_baselines(pairs, rows_to_evaluate(model, pairs, true), model->scene, plates(), seen);
+  const auto both = score_baselines(pairs, rows_to_evaluate(model, pairs, true),
+                                    model.first().scene, plates(), seen);
   CHECK(both[1].metrics[metric_ghost].mean == Approx(0.5).epsilon(1e-6));
   a_run(10, 9).write(dir / "fresh");
   CHECK(rows_to_evaluate(model, load({dir / "fresh"}), false).size() == 10);

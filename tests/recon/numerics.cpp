@@ -68,8 +68,8 @@ double iou_of(const TrainOptions& options) {
   REQUIRE(all_finite(weights));
   REQUIRE(all_finite(model.predict(plates(), all_rows(plates().size())).values));
   const Rows rows = model.rows_of(plates(), Subset::test);
-  return summarise(
-             score_maps(model.predict(plates(), rows), plates(), rows, model->scene))[metric_iou]
+  return summarise(score_maps(model.predict(plates(), rows), plates(), rows,
+                              model.first().scene))[metric_iou]
       .mean;
 }
 
@@ -202,7 +202,7 @@ TEST_CASE("predicted maps in single and double precision agree to 0.1 mm") {
     save_model(model, dir / name);
     TensorFile file = opened(dir / name);
     const Eigen::MatrixXd direct =
-        DoubleRegression(file, "0/model")(model->features.apply(plates(), rows));
+        DoubleRegression(file, "0/model")(model.first().features.apply(plates(), rows));
     const Matrix maps = model.predict(plates(), rows);
     const double off =
         farthest(maps, name == "mlp" ? direct : composed(file, "0/model/components", direct));
@@ -222,10 +222,11 @@ TEST_CASE("predicted body position and shape agree in single and double precisio
   TensorFile file = opened(dir / "m");
   const Archive read(file, Archive::Direction::read);
   Alignment alignment;
-  alignment.archive(read.in("0/alignment"), model->features.layout());
+  alignment.archive(read.in("0/alignment"), model.first().features.layout());
   const auto centre = values_of(file, "0/model/centre");
   const auto deviation = values_of(file, "0/model/deviation");
-  Matrix features = align(observe(plates(), all_rows(plates().size()), model->features), alignment);
+  Matrix features =
+      align(observe(plates(), all_rows(plates().size()), model.first().features), alignment);
   for (std::size_t i = 0; i < features.rows; ++i) {
     REQUIRE(shows_body(features.row(i)));
     for (std::size_t c = 0; c < features.cols; ++c)

@@ -96,7 +96,8 @@ TEST_CASE("evaluate and reconstruct subtract the value of --range-offset from ra
                           " --format mm -q --range-offset 0.06 --out " + out)
                 .code == 0);
     CHECK_THAT(contents(out + "/run.txt"), Catch::EndsWith("range offset 0.06 m\n"));
-    const auto map = thresholded_map(within_span(expected.row(3), model->scene), model->scene);
+    const auto map =
+        thresholded_map(within_span(expected.row(3), model.first().scene), model.first().scene);
     const std::string png = contents(out + "/000003_mm.png");
     const auto found = recon::decode_png16(Bytes(png.begin(), png.end()), 64, 64);
     REQUIRE(found.size() == map.size());

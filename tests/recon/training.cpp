@@ -14,9 +14,9 @@ using namespace echofuse::test;
 namespace {
 
 void check_same(const TrainedModel& a, const TrainedModel& b, const Dataset& data) {
-  CHECK(a->log.loss == b->log.loss);
-  CHECK(a->log.validation_loss == b->log.validation_loss);
-  CHECK(a->log.best_epoch == b->log.best_epoch);
+  CHECK(a.first().log.loss == b.first().log.loss);
+  CHECK(a.first().log.validation_loss == b.first().log.validation_loss);
+  CHECK(a.first().log.best_epoch == b.first().log.best_epoch);
   CHECK(a.predict(data, {0, 1, 50}).values == b.predict(data, {0, 1, 50}).values);
 }
 
@@ -79,9 +79,9 @@ TEST_CASE("models that use no sensor inputs have no uncertainty and no outlier d
     options.model = name, options.fit.quiet = true;
     const TrainedModel model = train(data, options);
     const bool takes_sensors = name == "ridge";
-    CHECK(model->uncertainty.has_value() == takes_sensors);
-    CHECK(model->domain.known() == takes_sensors);
-    CHECK(model->alignment.known() == takes_sensors);
+    CHECK(model.first().uncertainty.has_value() == takes_sensors);
+    CHECK(model.first().domain.known() == takes_sensors);
+    CHECK(model.first().alignment.known() == takes_sensors);
   }
 }
 

@@ -53,7 +53,8 @@ TuneOptions all_records() {
 
 double iou(const TrainedModel& model, const Dataset& data) {
   const Rows rows = all_rows(data.size());
-  return summarise(score_maps(model.predict(data, rows), data, rows, model->scene))[metric_iou]
+  return summarise(
+             score_maps(model.predict(data, rows), data, rows, model.first().scene))[metric_iou]
       .mean;
 }
 
@@ -65,7 +66,7 @@ TEST_CASE("tuning with few records adapts a model to another room") {
     CAPTURE(kind);
     const TrainedModel& old = old_model(kind);
     const TunedModel tuned = tune(old, plates(20, 5, true), all_records());
-    CHECK(tuned.model->name == kind);
+    CHECK(tuned.model.first().name == kind);
     const double before = iou(old, fresh), after = iou(tuned.model, fresh);
     CAPTURE(before, after, to_text(tuned));
     // An MLP of this size is inaccurate in both rooms, so an improvement of less than 0.03 in IoU
@@ -73,7 +74,7 @@ TEST_CASE("tuning with few records adapts a model to another room") {
     CHECK(after > before + (kind == "mlp" ? 0 : 0.03));
     CHECK(tuned.chosen > 0);
     CHECK(tuned.table.front().name == "unchanged");
-    CHECK_FALSE(tuned.model->uncertainty);
+    CHECK_FALSE(tuned.model.first().uncertainty);
     CHECK(calibration_of(tuned.model) == std::string("not calibrated"));
     // The saved model must be the tuned model.
     const Folder dir;
@@ -103,7 +104,7 @@ TEST_CASE(
   CAPTURE(to_text(tuned));
   CHECK(iou(tuned.model, fresh) > iou(old, fresh) - 0.02);
   CHECK(tuned.table.back().name == "these records alone");
-  CHECK(tuned.model->uncertainty);
+  CHECK(tuned.model.first().uncertainty);
   CHECK(tuned.model.knows(fresh) == false);
 }
 
@@ -156,7 +157,7 @@ TEST_CASE("tuning accepts axes that differ from the model axes by less than a bi
   Dataset near = plates(20, 5, false), far = near;
   profiles(near).axis.start += 0.1, profiles(far).axis.start += 0.3;
   match_for_tuning(old, "m", near);
-  CHECK(same_axis(profiles(near).axis, old->features.axes.radar));
+  CHECK(same_axis(profiles(near).axis, old.first().features.axes.radar));
   CHECK(tune(old, near, all_records()).table.front().name == "unchanged");
   CHECK_THAT(error_of([&] { match_for_tuning(old, "m", far); }),
              Catch::EndsWith(": start differs by 1.2 bins (limit 1)"));
@@ -202,10 +203,11 @@ TEST_CASE("every tuned model can be saved, loaded and evaluated") {
         std::filesystem::remove(dir / "m");
         save_model(tuned.model, dir / "m");
         const TrainedModel read = load_model(dir / "m");
-        CHECK(read->uncertainty.has_value() == (records == 50 || only == std::string("unchanged")));
+        CHECK(read.first().uncertainty.has_value() ==
+              (records == 50 || only == std::string("unchanged")));
         const Records seen = prepare_records(read, fresh);
         CHECK(evaluate(read, seen, rows_to_evaluate(read, seen.data, false))
-                  .calibration.has_value() == read->uncertainty.has_value());
+                  .calibration.has_value() == read.first().uncertainty.has_value());
         // Each estimator must predict maps on its own, whether or not it has an uncertainty.
         Dataset lost = fresh;
         for (RecordInfo& info : lost.records) info.valid.erase(Sensor::radar);
@@ -239,7 +241,7 @@ TEST_CASE("tuning that trains only on new records adopts their axes and their ra
     const bool by_alone = how.only == "these records alone";
     CAPTURE(only);
     CHECK(model.response.radar == (by_alone ? narrow : wide));
-    CHECK(same_axis(model->features.axes.radar, profiles(own).axis) == by_alone);
+    CHECK(same_axis(model.first().features.axes.radar, profiles(own).axis) == by_alone);
     // Before prediction, a run is converted to the axes and the radar response of the training
     // data.
     Dataset used = own;

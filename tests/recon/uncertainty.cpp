@@ -303,7 +303,7 @@ TEST_CASE("the lateral interval includes the range error, or a note reports what
     const double before_m = assumed[i].lateral_interval_90_m,
                  after_m = p.uncertainties[i].lateral_interval_90_m;
     if (std::isnan(before_m)) continue;
-    const BodyPlace body = body_place(p.maps.row(i), trained()->scene);
+    const BodyPlace body = body_place(p.maps.row(i), trained().first().scene);
     CHECK(after_m ==
           Approx(std::hypot(before_m, 1.645 * 0.01 * std::hypot(body.x_m, body.z_m) / 0.5)));
   }
@@ -356,7 +356,7 @@ TEST_CASE("pixel uncertainty matches the depth errors, and the expected depth ha
     CHECK(c.deviation_m == Approx(c.error_m).epsilon(0.15));
     const Prediction made = predict(model, data, rows, PredictionDetail::pixels);
     const auto rmse = [&](const Matrix& maps) {
-      return summarise(score_maps(maps, data, rows, model->scene))[metric_rmse_m].mean;
+      return summarise(score_maps(maps, data, rows, model.first().scene))[metric_rmse_m].mean;
     };
     // The position of a plate is known to less than a pixel, so averaging over positions hardly
     // changes the depth error.
@@ -400,7 +400,7 @@ TEST_CASE(
   }
   // Only 45 of the 50 records are used for training, which is too few to fit an uncertainty.
   const TrainedModel loaded = trained_model("ridge", 50);
-  CHECK_FALSE(loaded->uncertainty);
+  CHECK_FALSE(loaded.first().uncertainty);
   CHECK(predict(loaded, data, all_rows(20)).uncertainties.empty());
   CHECK_THROWS_WITH(predict(loaded, data, all_rows(20), PredictionDetail::pixels),
                     Catch::Contains("the model is not calibrated"));
@@ -416,11 +416,11 @@ TEST_CASE(
   for (const std::string run : {"few", "fewer"})
     REQUIRE(recon_program(train + (dir / run) + " --out " + (dir / run + ".h5")).code == 0);
   const TrainedModel model = load_model(dir / "few.h5");
-  REQUIRE(model->uncertainty);
+  REQUIRE(model.first().uncertainty);
   CHECK(calibration_of(model, fresh_plates(300)).within_90 == Approx(0.9).margin(0.1));
   CHECK(share_flagged(predict(model, fresh_plates(300), all_rows(300)).uncertainties) < 0.08);
 
-  CHECK_FALSE(load_model(dir / "fewer.h5")->uncertainty);
+  CHECK_FALSE(load_model(dir / "fewer.h5").first().uncertainty);
   const auto o = recon_program("reconstruct " + (dir / "fewer.h5") + " " + (dir / "fresh") +
                                " --out " + (dir / "o") + " --format npy");
   CHECK_THAT(o.text,

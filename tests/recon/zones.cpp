@@ -139,7 +139,7 @@ double lateral_error_m(bool by_side) {
   options.fit.quiet = true, options.fit.epochs = 30;
   const TrainedModel model = train(data, options);
   const Matrix maps = model.predict(data, rows);
-  return summarise(score_maps(maps, data, rows, model->scene))[metric_lateral_m].mean;
+  return summarise(score_maps(maps, data, rows, model.first().scene))[metric_lateral_m].mean;
 }
 
 }  // namespace
