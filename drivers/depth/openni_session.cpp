@@ -117,7 +117,7 @@ bool OpenNiSession::open_device(const std::string& uri) {
   return !other.empty() && other != uri && device_.open(other.c_str()) == openni::STATUS_OK;
 }
 
-std::string OpenNiSession::open(const std::string& uri, const OpenNiOptions& expected) {
+std::string OpenNiSession::open(const std::string& uri, const OpenNiOptions& requested) {
   if (uri.empty())
     if (std::string several = several_cameras(); !several.empty()) return several;
   // Returns early, because isFile() and similar calls crash on a device that is not open.
@@ -125,28 +125,28 @@ std::string OpenNiSession::open(const std::string& uri, const OpenNiOptions& exp
   uri_ = device_.getDeviceInfo().getUri();
   recording_ = device_.isFile();
   if (!recording_) listening_ = OpenNI::addDeviceDisconnectedListener(this) == openni::STATUS_OK;
-  return open_stream(expected);
+  return open_stream(requested);
 }
 
-std::string OpenNiSession::open_stream(const OpenNiOptions& expected) {
+std::string OpenNiSession::open_stream(const OpenNiOptions& requested) {
   if (!device_.hasSensor(openni::SENSOR_DEPTH)) return "the camera has no depth sensor";
   if (stream_.create(device_, openni::SENSOR_DEPTH) != openni::STATUS_OK)
     return failure("cannot create the depth stream");
-  std::string wrong = set_up(expected);
+  std::string wrong = set_up(requested);
   if (wrong.empty() && stream_.start() != openni::STATUS_OK)
     wrong = failure("cannot start the depth stream");
   return wrong;
 }
 
-// Keeps the camera's current mode if it matches `expected`; otherwise, sets the first mode that
+// Keeps the camera's current mode if it matches `requested`; otherwise, sets the first mode that
 // matches.
-std::string OpenNiSession::choose_mode(const OpenNiOptions& expected) {
+std::string OpenNiSession::choose_mode(const OpenNiOptions& requested) {
   const auto like = [](std::uint32_t wish, int is) {
     return wish == 0 || wish == static_cast<std::uint32_t>(is);
   };
   const auto fits = [&](const openni::VideoMode& mode) {
-    return is_depth(mode.getPixelFormat()) && like(expected.width, mode.getResolutionX()) &&
-           like(expected.height, mode.getResolutionY()) && like(expected.fps, mode.getFps());
+    return is_depth(mode.getPixelFormat()) && like(requested.width, mode.getResolutionX()) &&
+           like(requested.height, mode.getResolutionY()) && like(requested.fps, mode.getFps());
   };
   if (fits(stream_.getVideoMode())) return {};
   const auto& modes = stream_.getSensorInfo().getSupportedVideoModes();
@@ -161,7 +161,7 @@ std::string OpenNiSession::choose_mode(const OpenNiOptions& expected) {
   return "the camera does not support this depth mode; it offers " + offered;
 }
 
-std::string OpenNiSession::set_up(const OpenNiOptions& expected) {
+std::string OpenNiSession::set_up(const OpenNiOptions& requested) {
   if (recording_) {
     openni::PlaybackControl* playback = device_.getPlaybackControl();
     playback->setRepeatEnabled(false);
@@ -171,7 +171,7 @@ std::string OpenNiSession::set_up(const OpenNiOptions& expected) {
     frames_left_ = playback->getNumberOfFrames(stream_);
     stepped_ = frames_left_ > 0 && playback->setSpeed(-1) == openni::STATUS_OK;
   } else {
-    if (std::string wrong = choose_mode(expected); !wrong.empty()) return wrong;
+    if (std::string wrong = choose_mode(requested); !wrong.empty()) return wrong;
     stream_.setMirroringEnabled(false);
   }
   // if mirroring is still on, convert() reverses each row

@@ -30,7 +30,7 @@ class OpenNiSession final : private openni::OpenNI::DeviceDisconnectedListener {
 
   // `uri`: device URI, file name of a recording, or an empty string to open the only camera.
   // Returns an error message, or an empty string on success.
-  std::string open(const std::string& uri, const OpenNiOptions& expected);
+  std::string open(const std::string& uri, const OpenNiOptions& requested);
 
   enum class Read { frame, nothing, bad_frame, end, gone };
   // Fills all fields of `frame` except `received` and `lost_before`.
@@ -42,9 +42,9 @@ class OpenNiSession final : private openni::OpenNI::DeviceDisconnectedListener {
  private:
   void onDeviceDisconnected(const openni::DeviceInfo* info) override;
   bool open_device(const std::string& uri);
-  std::string open_stream(const OpenNiOptions& expected);
-  std::string set_up(const OpenNiOptions& expected);
-  std::string choose_mode(const OpenNiOptions& expected);
+  std::string open_stream(const OpenNiOptions& requested);
+  std::string set_up(const OpenNiOptions& requested);
+  std::string choose_mode(const OpenNiOptions& requested);
   void describe(const openni::VideoMode& mode);
   bool convert(const openni::VideoFrameRef& raw, DepthFrame& frame) const;
 

@@ -167,7 +167,7 @@ void Run::for_each(const std::function<bool(const Record&)>& visit, std::int64_t
 
 void follow(const std::string& path, const std::function<bool(const Run&, const Record&)>& visit,
             std::int64_t first, const std::function<bool()>& go_on, const OnDamaged& on_damaged) {
-  bool expected = true;
+  bool going_on = true;
   const auto skip = [&](std::int64_t index, const std::string& fault) {
     first = index + 1;
     on_damaged(index, fault);
@@ -179,14 +179,14 @@ void follow(const std::string& path, const std::function<bool(const Run&, const 
     run.for_each(
         [&](const Record& record) {
           first = record.index() + 1;
-          expected = visit(run, record) && (!go_on || go_on());
-          return expected;
+          going_on = visit(run, record) && (!go_on || go_on());
+          return going_on;
         },
         first, on_damaged ? OnDamaged(skip) : OnDamaged());
     return first != before;
   };
   guarded(ErrorCode::damaged, [&] {
-    record::follow(record::old_run(path), take, [&] { return expected && (!go_on || go_on()); });
+    record::follow(record::old_run(path), take, [&] { return going_on && (!go_on || go_on()); });
   });
 }
 

@@ -99,9 +99,9 @@ class Appender {
   // least doubles the capacity, so that loading many runs needs few reallocations.
   void make_room(std::size_t records) {
     for (Column& column : data_.columns) {
-      const std::size_t expected = column.values.size() + records * column.axis.size();
-      if (expected > column.values.capacity())
-        column.values.reserve(std::max(expected, 2 * column.values.capacity()));
+      const std::size_t needed = column.values.size() + records * column.axis.size();
+      if (needed > column.values.capacity())
+        column.values.reserve(std::max(needed, 2 * column.values.capacity()));
       advise_large_pages(column.values.data(), column.values.capacity() * sizeof(float));
     }
   }

@@ -22,7 +22,7 @@ constexpr std::ptrdiff_t max_reach = 48;  // maximum half-length of the filter, 
 // .49 without conversion and .45 with conversion. At a ratio of .8, the IoU was .44 without
 // conversion and .45 with conversion.
 constexpr double much_narrower = 0.75;
-// Number of points per range step at which the filtered and the wanted response are compared.
+// Number of points per range step at which the filtered and the expected response are compared.
 constexpr int parts = 8;
 // Noise assumed by the Wiener filter: the sum of the squared noise over eight points, relative to
 // the squared peak of the response.

@@ -338,9 +338,9 @@ void Server::Impl::send_updates(ServedRun& served, bool news) {
     for (const auto& s : served.sessions) s->send(MessageKind::state, state);
   }
   if (!news) return;
-  const bool expected =
+  const bool any_live =
       std::any_of(served.sessions.begin(), served.sessions.end(), [](auto& s) { return s->live; });
-  if (const Message record = expected ? newest(served) : nullptr)
+  if (const Message record = any_live ? newest(served) : nullptr)
     for (const auto& s : served.sessions)
       if (s->live) send_record(served, *s, record);
   if (!is_due(served.strip, strip_pause_s)) return;

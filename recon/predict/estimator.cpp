@@ -104,8 +104,8 @@ std::vector<float> mean_observation(const Dataset& data, const Features& sensors
   return {means.begin(), means.end()};
 }
 
-Matrix Estimator::views(const Dataset& data, const Rows& rows, bool expected) const {
-  if (!alignment.known() || !(expected || wants_alignment(name))) return Matrix(rows.size(), 0);
+Matrix Estimator::views(const Dataset& data, const Rows& rows, bool needed) const {
+  if (!alignment.known() || !(needed || wants_alignment(name))) return Matrix(rows.size(), 0);
   return align(observe(data, rows, features), alignment);
 }
 
@@ -163,11 +163,11 @@ void Estimator::archive(Archive archive) {
 }
 
 Preprocessing::Preprocessing(const Dataset& data, const Rows& train, Inputs inputs,
-                             SceneModel of_rows, bool expected, const Dataset& empty)
+                             SceneModel of_rows, bool needed, const Dataset& empty)
     : scene(std::move(of_rows)), knows_empty_room(empty.size() > 0) {
   const auto started = std::chrono::steady_clock::now();
   views.rows = data.size();
-  if (!expected || inputs == Inputs::radar) return;
+  if (!needed || inputs == Inputs::radar) return;
   const Features sensors = fit_features(data, train, inputs, raw_scaling);
   const Matrix observations = observe(data, all_rows(data.size()), sensors);
   alignment = Alignment(sensors.layout(), observations, train);

@@ -30,9 +30,9 @@ struct Estimator {
   double train_s = 0;
 
   // Returns the views of the given records (steps 1 and 2 in method.hpp), one per row. The result
-  // has no columns if the model does not use views and `expected` is false. `expected` is true if
+  // has no columns if the model does not use views and `needed` is false. `needed` is true if
   // the error estimate needs the views.
-  Matrix views(const Dataset& data, const Rows& rows, bool expected) const;
+  Matrix views(const Dataset& data, const Rows& rows, bool needed) const;
   // Returns the model's inputs for the given records: `views`, or features (features.hpp) if the
   // model does not use views. Row i of `views` belongs to rows[i]. The result may refer
   // to `scaled`.
@@ -58,7 +58,7 @@ struct Preprocessing {
   bool knows_empty_room;
   // `empty`: records of the room without people, on the axes of `data`; no records if unknown.
   Preprocessing(const Dataset& data, const Rows& train, Inputs inputs, SceneModel scene,
-                bool expected, const Dataset& empty = {});
+                bool needed, const Dataset& empty = {});
 };
 
 // Fits the input scaling and the model to the training rows. The scaling "record" selects the

@@ -51,8 +51,8 @@ struct TrainingPlan {
 // Returns the estimators to train, in the order in which they are tried for a record. The first is
 // `name`. If options.fallback is set, two fallback estimators may follow: `name` without antenna
 // samples, and a network for the SPD alone.
-std::vector<TrainingPlan> wanted_of(const Dataset& data, const std::string& name,
-                                    const TrainOptions& options) {
+std::vector<TrainingPlan> plans_of(const Dataset& data, const std::string& name,
+                                   const TrainOptions& options) {
   // The network for the SPD alone needs fewer validation records, because it is rarely used.
   constexpr std::size_t enough = 500, enough_of_spd = 150;
   const Inputs inputs = inputs_of(options.inputs);
@@ -111,9 +111,9 @@ TrainedModel train_split(const Dataset& data, const Split& split, const SceneMod
   model.data_hash = data.hash;
   model.response = ModelResponse(data, options.any_response);
   model.exclusions = data.exclusions;
-  for (const TrainingPlan& expected : wanted_of(data, name, options)) {
+  for (const TrainingPlan& plan : plans_of(data, name, options)) {
     if (!model.estimators.empty() && interrupted()) break;
-    Estimator one = train_one(expected, data, split, scene, options);
+    Estimator one = train_one(plan, data, split, scene, options);
     // If training was interrupted, the estimator `one` is incomplete.
     if (!model.estimators.empty() && interrupted()) break;
     model.estimators.push_back(std::move(one));
