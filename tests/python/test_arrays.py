@@ -81,6 +81,7 @@ def test_masked_pixels_of_depth_images_have_no_return(tmp_path):
     ("notes: [] (expected text or a number)", {"spd": np.ones((3, 5)), "notes": []}),
     ("labels: '\\ud800' (expected valid Unicode text)", {"spd": np.ones((1, 5)), "labels": ["\ud800"]}),
     ("labels: b'a' (expected text or a number)", {"spd": np.ones((1, 5)), "labels": [b"a"]}),
+    ("labels: array('abc'", {"spd": np.ones((3, 5)), "labels": np.array("abc")}),
     ("labels: 'abc' (expected a sequence)", {"spd": np.ones((3, 5)), "labels": "abc"}),
     *((f"spd: expected an array of numbers, not {kind}", {"spd": table}) for kind, table in (
         ("complex128 (3, 5)", np.ones((3, 5), complex)), ("<U3 (3, 5)", np.ones((3, 5)).astype("U3")),

@@ -274,16 +274,20 @@ def connected(path: pathlib.Path, closed: bool) -> Connection:
     raise ValueError(f"{path}: cannot be read")
 
 
+FAULTS_OF_FILES = tuple(f"SQLITE_{fault}" for fault in
+                        ("CORRUPT", "NOTADB", "IOERR", "CANTOPEN", "BUSY", "LOCKED", "FULL",
+                         "NOMEM", "PROTOCOL"))
+
+
 def query(db: Connection, path: pathlib.Path, sql: str, values: tuple[Any, ...]) -> list[Any]:
     """Returns the result rows of an SQL query. Raises ValueError if the query is invalid, and
     sqlite3.Error if the file is damaged."""
     try:
         return db.execute(sql, values).fetchall()
     except (sqlite3.Error, sqlite3.Warning, OverflowError) as error:
-        # guard() compared the definitions of all tables. A damaged file raises DatabaseError; its
-        # subclasses have a name since Python 3.11.
-        if (type(error) is sqlite3.DatabaseError or getattr(error, "sqlite_errorname", "")
-                not in ("", "SQLITE_ERROR", "SQLITE_READONLY")):
+        # A damaged file raises DatabaseError; its subclasses have a name since Python 3.11.
+        name = getattr(error, "sqlite_errorname", "")
+        if type(error) is sqlite3.DatabaseError or name.startswith(FAULTS_OF_FILES):
             raise
         raise ValueError(f"{path}: query rejected: {error}: {sql}") from None
 
