@@ -4,9 +4,7 @@
 //   histogram  exposures are longer than a slot, or add up to more than the time between them;
 //              counts fall in no bin over ten exposures; a bin contains more counts than a detector
 //              can send, so that the exposure is lost
-//   profile    power in dB; a range axis in other units; all bins are zero, so that the frame has
-//   no
-//              profile
+//   profile    power in dB; a range axis in other units; zeros in all bins, which are no profile
 //   depth      depths in other units
 #pragma once
 #include <cstdint>
@@ -36,7 +34,7 @@ class SampleCheck {
 
   // Returns false if the histogram is lost. It is then included in the next `lost_before`.
   bool take(HistogramFrame& frame);
-  void take(RadarFrame& frame);  // removes a profile of zeros
+  void take(RadarFrame& frame);  // removes a profile of zeros and its heat map
   void take(const DepthFrame& frame);
   void take(const Axis& axis);
 
