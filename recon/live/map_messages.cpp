@@ -39,16 +39,18 @@ void RunMessages::add_maps(MessageWriter& out, Json& head, const record::FusedRe
     head["holes"] = {{"camera", holes(r.depth_mm)}, {"map", holes(map)}};
   }
   if (!model_) return;
-  Reconstruction made = reconstruct(run, r.index, true);
+  Reconstruction made = model_->reconstruct(run, r.index, true);
   if (camera) model_->compare(made, map_of(r, axes, made.grid));
   const auto given = [](const std::optional<double>& v) { return v ? number(*v) : Json(); };
+  std::optional<double> interval_m = made.lateral_interval_90_m;
+  if (interval_m) *interval_m *= interval_factor_of(made);
   head["reconstruction"] = {{"fault", made.fault},
                             {"note", made.note},
                             {"seen", model_->saw(run_.info().uuid, r.index)},
                             {"half_tangent", made.grid.half_tangent},
                             {"x_m", given(made.x_m)},
                             {"z_m", given(made.z_m)},
-                            {"lateral_interval_90_m", given(made.lateral_interval_90_m)},
+                            {"lateral_interval_90_m", given(interval_m)},
                             {"iou", given(made.iou)},
                             {"lateral_error_m", given(made.lateral_error_m)}};
   const std::size_t side = made.grid.size;
@@ -79,19 +81,15 @@ std::vector<std::int64_t> RunMessages::worst_and_median() const {
   return {scored.front().second, scored[scored.size() / 2].second};
 }
 
-// Predicts the map of a record. Widens its interval if the newest records differ from the training.
-Reconstruction RunMessages::reconstruct(const record::RunReader& run, std::int64_t index,
-                                        bool with_deviation) const {
-  Reconstruction made = model_->reconstruct(run, index, with_deviation);
-  if (made.lateral_interval_90_m) *made.lateral_interval_90_m *= group_.interval_factor;
-  return made;
+double RunMessages::interval_factor_of(const Reconstruction& made) const {
+  return made.note.empty() ? group_.interval_factor : 1;
 }
 
 RunMessages::TrackPoint RunMessages::place_of(const Reconstruction& made) {
   const auto given = [](const std::optional<double>& v) {
     return v ? static_cast<float>(*v) : std::nanf("");
   };
-  return {given(made.x_m), given(made.z_m), given(made.lateral_interval_90_m)};
+  return {given(made.x_m), given(made.z_m), given(made.lateral_interval_90_m), made.note.empty()};
 }
 
 // Returns the track of the body over the minute that ends with record `index`. Each point contains
@@ -112,8 +110,9 @@ std::vector<float> RunMessages::track(const record::RunReader& run, std::int64_t
     if (o->index != index && o->index % step != 0) continue;
     auto known = places_.find(o->index);
     if (known == places_.end())
-      known = places_.emplace(o->index, place_of(reconstruct(run, o->index, false))).first;
-    const auto& [x_m, z_m, interval_m] = known->second;
+      known = places_.emplace(o->index, place_of(model_->reconstruct(run, o->index, false))).first;
+    const auto& [x_m, z_m, interval_90_m, usual] = known->second;
+    const float interval_m = interval_90_m * static_cast<float>(usual ? group_.interval_factor : 1);
     const double age_s = seconds(minute.front()->start - o->start);
     out.insert(out.end(), {static_cast<float>(age_s), x_m, z_m, interval_m});
   }

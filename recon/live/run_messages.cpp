@@ -279,7 +279,9 @@ void RunMessages::check_maps() {
   const std::int64_t first = std::max(run_.outlines().front().index, *last - checked_records + 1);
   try {
     run_.with_reader([&](const record::RunReader& run) {
-      group_ = model_->check(run, first, *last - first + 1);
+      const double before =
+          std::exchange(group_, model_->check(run, first, *last - first + 1)).interval_factor;
+      if (group_.interval_factor != before) last_ = nullptr;
     });
   } catch (const Error&) {
     group_ = {};  // other messages report that the run cannot be read

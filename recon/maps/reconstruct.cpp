@@ -226,7 +226,8 @@ void RunReconstructor::take_all(const record::RunReader& run) {
   if (!options_.quiet) report_run(records.response), report_run(records.ranges);
   const DomainShift shift = domain_shift_of(model_, records.data);
   interval_factor_ = shift.interval_factor;
-  if (shift.tested() && (shift.found() || !options_.quiet)) report_run(shift.text());
+  if (shift.tested() && (shift.found() || interval_factor_ > 1 || !options_.quiet))
+    report_run(shift.text());
   for (std::size_t done = 0; !next.empty() && !interrupted(); next.pop_front()) {
     PreparedMaps made = next.front().get();
     start();
@@ -283,8 +284,11 @@ void RunReconstructor::write(const Records& records, std::span<const std::size_t
   for (std::size_t i = 0; i < made.size(); ++i)
     if (auto& [status, files] = made[i]; files)
       files_.write(*files), time(status, records.data.records[rows[i]].slot_end);
-  for (auto& [status, files] : made) {
-    if (status.uncertainty) status.uncertainty->lateral_interval_90_m *= interval_factor_;
+  for (std::size_t i = 0; i < made.size(); ++i) {
+    RecordStatus& status = made[i].first;
+    if (status.uncertainty &&
+        model_.estimator_for(records.data, rows[i]) == &model_.for_run(records.data))
+      status.uncertainty->lateral_interval_90_m *= interval_factor_;
     report_damaged(status.index), report(status);
   }
 }

@@ -155,7 +155,7 @@ void Estimator::archive(Archive archive) {
   model->archive(archive.in("model"), {takes_views ? alignment.inputs() : features.count(),
                                        scene.grid.pixels(), scene.grid});
   if (archive.part("knows_domain", domain.known()))
-    domain.archive(archive.in("domain"), features.inputs);
+    domain.archive(archive.in("domain"), features.inputs, features.layout());
   if (archive.part("calibrated", uncertainty.has_value())) {
     if (archive.reading()) uncertainty.emplace();
     uncertainty->archive(archive.in("uncertainty"), features, alignment);

@@ -26,6 +26,7 @@ constexpr std::uint64_t permutation_stream = 0x646f6d61;  // "doma" in ASCII
 constexpr double clearly = 4;
 // A difference below this number of standard errors does not widen the intervals.
 constexpr double not_by_chance = 2;
+constexpr double min_factor = 1.05, max_factor = 10;
 // Differences below these limits are ignored. `min_mean` is in units of the standard deviation
 // between records, and `least_square` is in units of the variance between records.
 constexpr double min_mean = 0.1, least_square = 0.3;
@@ -162,9 +163,8 @@ std::string DomainShift::text() const {
   if (!tested()) return {};
   const std::string p_text = p < max_p ? format("p < %g", max_p) : format("p = %.3f", p);
   const std::string wider =
-      interval_factor > 1.05
-          ? format("; the 90 %% intervals are therefore %.2g times as wide", interval_factor)
-          : "";
+      interval_factor > 1 ? format("; its 90 %% intervals are %.1f times as wide", interval_factor)
+                          : "";
   if (!found())
     return std::string("this run matches the training data") +
            (p < max_p ? " (significant differences are too small to matter): " : ": ") + p_text +
@@ -179,7 +179,7 @@ std::string DomainShift::text() const {
   }
   if (!range_difference.empty())
     add(range_difference);
-  else if (!advice.empty())
+  else if (p < max_p && !advice.empty())
     add(advice);
   return "this run differs from the training data: " + all + wider;
 }
@@ -191,7 +191,7 @@ DomainReference::DomainReference(const Alignment& alignment, const Dataset& data
                    rows.begin() + static_cast<std::ptrdiff_t>(std::min(max_known, rows.size())));
   numbers_ = record_numbers_of(alignment, data, views, first, inputs_);
   if (numbers_.rows < min_known) numbers_ = {};
-  if (both_sensors(inputs)) echoes_ = StaticEchoes(data, first);
+  if (known() && both_sensors(inputs)) echoes_ = StaticEchoes(data, first);
 }
 
 DomainShift DomainReference::test(const Alignment& alignment, const Dataset& data,
@@ -201,6 +201,8 @@ DomainShift DomainReference::test(const Alignment& alignment, const Dataset& dat
     if (fault_of(data, row, inputs_).empty()) rows.push_back(row);
   DomainShift out = test_numbers(record_numbers_of(alignment, data, views, rows, inputs_),
                                  alignment.array_features() == 0);
+  // Models with antennas do not locate bodies by the difference of the ranges.
+  if (alignment.array_features() > 0) return out;
   if (const auto range = echoes_.compare(data, rows); range && range->found())
     out.range_difference = range->text();
   return out;
@@ -245,7 +247,8 @@ DomainShift DomainReference::test_numbers(const Matrix& found, bool range_matter
            squares});
     }
   }
-  out.interval_factor = std::sqrt(widening);
+  out.interval_factor = std::min(std::sqrt(widening), max_factor);
+  if (out.interval_factor < min_factor) out.interval_factor = 1;
   std::sort(out.differences.begin(), out.differences.end(),
             [](const auto& a, const auto& b) { return a.standard_errors > b.standard_errors; });
   // Two people or an empty room also change the radar range, but other numbers more.
@@ -254,7 +257,7 @@ DomainShift DomainReference::test_numbers(const Matrix& found, bool range_matter
   return out;
 }
 
-void DomainReference::archive(Archive archive, Inputs inputs) {
+void DomainReference::archive(Archive archive, Inputs inputs, const Layout& layout) {
   inputs_ = without_antennas(inputs);
   constexpr float not_known = -1e9f;
   Matrix table = numbers_;
@@ -264,7 +267,8 @@ void DomainReference::archive(Archive archive, Inputs inputs) {
   numbers_ = std::move(table);
   archive.require(numbers_.rows >= min_known && numbers_.rows <= max_known, "numbers",
                   "expected 50 to 4000 records");
-  if (archive.part("knows_static_echoes", echoes_.known())) echoes_.archive(archive.in("static"));
+  if (archive.part("knows_static_echoes", echoes_.known()))
+    echoes_.archive(archive.in("static"), layout);
 }
 
 }  // namespace echofuse::recon

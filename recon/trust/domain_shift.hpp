@@ -40,8 +40,10 @@ struct DomainShift {
   // `reason`: the most frequent reason.
   std::size_t assessed = 0, flagged = 0;
   std::string reason{};
-  // Factor by which the 90 % intervals of the run's records are widened: 1 for a run like the
-  // training data; increases with the differences that enlarge the lateral error.
+  // Factor by which the 90 % intervals of the run's records are widened: 1 or at least 1.05; at
+  // most
+  // 10. It increases with the differences that enlarge the lateral error. It does not apply to the
+  // maps of a fallback estimator.
   double interval_factor = 1;
   // Range difference that the static echoes show; empty if it is not significant.
   std::string range_difference{};
@@ -74,7 +76,7 @@ class DomainReference {
   // on the axes of the model.
   DomainShift test(const Alignment& alignment, const Dataset& data, const Matrix& views) const;
 
-  void archive(Archive archive, Inputs inputs);
+  void archive(Archive archive, Inputs inputs, const Layout& layout);
 
  private:
   // `range_matters`: the radar's range is a difference that an offset may cause.

@@ -2,12 +2,11 @@
 #include "recon/trust/static_echoes.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 
-#include "acquire/measurement/response.hpp"
 #include "drivers/core/axis.hpp"
 #include "drivers/util/format.hpp"
+#include "recon/data/shift.hpp"
 #include "recon/method/constants.hpp"
 #include "recon/numbers/statistics.hpp"
 
@@ -15,12 +14,12 @@ namespace echofuse::recon {
 namespace {
 
 // A bin is static if this fraction of its median is static, and if it has at least 2 % of the
-// largest static value.
+// largest static value. The static part is the background of the method (method/constants.hpp).
 constexpr double min_share = 0.6, min_of_top = 0.02;
 constexpr std::size_t min_bins = 6;
-// The static echoes have changed if the rms deviation after the fit exceeds this fraction. With a
-// range error of 2 cm it is at most .03; with moved furniture, an open door or a bystander, at
-// least .06 (recon/RESULTS.md).
+// The static echoes have changed if the rms deviation after the fit exceeds this fraction. In three
+// simulated rooms it is below .03 with a range error of up to 10 cm, and above .06 with moved
+// furniture, an open door or a bystander (2026-11-29).
 constexpr double max_misfit = 0.04;
 // Each block of records gives a difference, and their scatter gives the standard error.
 constexpr std::size_t blocks = 5;
@@ -48,41 +47,46 @@ SensorEchoes learn(const Matrix& table) {
   return out;
 }
 
-double value_at(std::span<const float> values, double bin) {
-  const auto last = static_cast<std::ptrdiff_t>(values.size()) - 1;
-  const double low = std::floor(bin);
-  std::array<double, 4> near{};
-  for (std::ptrdiff_t k = 0; k < 4; ++k)
-    near[static_cast<std::size_t>(k)] = values[static_cast<std::size_t>(
-        std::clamp(static_cast<std::ptrdiff_t>(low) + k - 1, std::ptrdiff_t{0}, last))];
-  return record::catmull_rom(near, bin - low);
+// Returns the values moved towards the end of the axis. Beyond its ends, they are constant.
+Part moved(const Part& values, double by_bins) {
+  constexpr std::ptrdiff_t ends = 16;
+  Part longer(ends, values.front());
+  longer.insert(longer.end(), values.begin(), values.end());
+  longer.insert(longer.end(), ends, values.back());
+  const Part out = Shift(-by_bins).apply(longer);
+  return {out.begin() + ends, out.end() - ends};
 }
 
 struct StaticFit {
   double shift_bins = 0, misfit = 1;
+  bool found() const { return misfit < 1; }
 };
 
-// Fits gain and shift of the known static echoes by Gauss-Newton steps. Returns the misfit 1 if
-// there are too few static bins.
-StaticFit fit(const SensorEchoes& known, const Part& found) {
-  constexpr int steps = 20;  // at most half a bin each
-  constexpr double h = 0.05, max_step = 0.5;
+Rows static_bins(const SensorEchoes& known) {
   float top = 0;
   for (std::size_t i = 0; i < known.median.size(); ++i)
     top = std::max(top, known.share[i] * known.median[i]);
-  Rows bins;
+  Rows out;
   for (std::size_t i = 0; i < known.median.size(); ++i)
     if (known.share[i] > min_share && known.share[i] * known.median[i] > min_of_top * top)
-      bins.push_back(i);
-  StaticFit out;
-  if (bins.size() < min_bins) return out;
+      out.push_back(i);
+  return out;
+}
+
+// Fits gain and shift of the known static echoes by Gauss-Newton steps, from the shift `from_bins`.
+StaticFit fit_from(const SensorEchoes& known, const Rows& bins, const Part& found,
+                   double from_bins) {
+  constexpr int steps = 8;
+  constexpr double h = 0.05, max_step = 0.5;
+  StaticFit out{from_bins, 1};
   for (int step = 0; step < steps; ++step) {
+    const Part at = moved(known.median, out.shift_bins),
+               after = moved(known.median, out.shift_bins + h),
+               before = moved(known.median, out.shift_bins - h);
     double ss = 0, sd = 0, dd = 0, sy = 0, dy = 0, yy = 0;
     for (const std::size_t i : bins) {
       const double weight = 1 / double{known.median[i]}, y = found[i];
-      const double at = static_cast<double>(i) - out.shift_bins;
-      const double s = value_at(known.median, at),
-                   d = (value_at(known.median, at - h) - value_at(known.median, at + h)) / (2 * h);
+      const double s = at[i], d = (double{after[i]} - double{before[i]}) / (2 * h);
       ss += weight * s * s, sd += weight * s * d, dd += weight * d * d;
       sy += weight * s * y, dy += weight * d * y, yy += weight * y * y;
     }
@@ -94,6 +98,20 @@ StaticFit fit(const SensorEchoes& known, const Part& found) {
     out.shift_bins += std::clamp(slope / gain, -max_step, max_step);
   }
   return out;
+}
+
+// Returns the best fit from all whole shifts up to `max_m`. Returns the misfit 1 if there are too
+// few static bins.
+StaticFit fit(const SensorEchoes& known, const Part& found, double step_m) {
+  constexpr double max_m = 0.15;
+  StaticFit best;
+  const Rows bins = static_bins(known);
+  if (bins.size() < min_bins) return best;
+  const double most = std::floor(max_m / step_m);
+  for (double from = -most; from <= most; ++from)
+    if (const StaticFit one = fit_from(known, bins, found, from); one.misfit < best.misfit)
+      best = one;
+  return best;
 }
 
 }  // namespace
@@ -120,33 +138,39 @@ std::optional<RangeDifference> StaticEchoes::compare(const Dataset& data, const 
   if (!known() || rows.size() < min_records) return {};
   const Matrix counts = table_of(data, rows, true), power = table_of(data, rows, false);
   if (counts.cols != spd_.median.size() || power.cols != radar_.median.size()) return {};
-  const StaticFit spd = fit(spd_, medians(counts)), radar = fit(radar_, medians(power));
-  if (!(std::max(spd.misfit, radar.misfit) < max_misfit)) return {};
   const double spd_step_m = data.spd().axis.step / ps_per_m, radar_step_m = data.radar().axis.step;
-  const auto difference = [&](const StaticFit& of_radar, const StaticFit& of_spd) {
-    return of_radar.shift_bins * radar_step_m - of_spd.shift_bins * spd_step_m;
+  // Returns the difference that these rows show, and sets the larger misfit of the two sensors.
+  const auto difference_m = [&](const Rows& some, double& misfit) {
+    const StaticFit spd = fit(spd_, column_quantile(counts, some, 0.5), spd_step_m),
+                    radar = fit(radar_, column_quantile(power, some, 0.5), radar_step_m);
+    misfit = spd.found() && radar.found() ? std::max(spd.misfit, radar.misfit) : 1;
+    return radar.shift_bins * radar_step_m - spd.shift_bins * spd_step_m;
   };
+  RangeDifference out;
+  double misfit = 1;
+  out.difference_m = difference_m(all_rows(rows.size()), misfit);
+  if (misfit > max_misfit) return {};
   std::vector<double> parts;
   for (std::size_t b = 0; b < blocks; ++b) {
     Rows block;
     for (std::size_t i = b * rows.size() / blocks; i < (b + 1) * rows.size() / blocks; ++i)
       block.push_back(i);
-    parts.push_back(difference(fit(radar_, column_quantile(power, block, 0.5)),
-                               fit(spd_, column_quantile(counts, block, 0.5))));
+    parts.push_back(difference_m(block, misfit));
+    if (misfit == 1) return {};
   }
-  return RangeDifference{difference(radar, spd),
-                         standard_deviation(parts) / std::sqrt(static_cast<double>(blocks))};
+  out.standard_error_m = standard_deviation(parts) / std::sqrt(static_cast<double>(blocks - 1));
+  return out;
 }
 
-void StaticEchoes::archive(Archive archive) {
-  const auto sensor = [&](const std::string& name, SensorEchoes& of) {
+void StaticEchoes::archive(Archive archive, const Layout& layout) {
+  const auto sensor = [&](const std::string& name, SensorEchoes& of, std::size_t bins) {
     Matrix table(0, of.median.size());
     if (!of.median.empty()) table.add_row(of.median), table.add_row(of.share);
-    archive.table(name, table, 2, Archive::any);
+    archive.table(name, table, 2, bins);
     of.median.assign(table.row(0).begin(), table.row(0).end());
     of.share.assign(table.row(1).begin(), table.row(1).end());
   };
-  sensor("spd", spd_), sensor("radar", radar_);
+  sensor("spd", spd_, layout.spd.count), sensor("radar", radar_, layout.radar.count);
 }
 
 }  // namespace echofuse::recon

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
 // Compares the static echoes of a run, e.g. of walls and the floor, with those of the training.
 // Both sensors see them. If the static part of the histogram and of the range profile is unchanged
-// but for a shift, the difference between the two shifts is a range error: a sensor has moved, or
-// an offset is wrong. Corrects nothing. Cannot detect a range error in a room without static
-// echoes, in another room, or if furniture was moved.
+// but for a shift of up to 15 cm, the difference between the two shifts is a range error: a sensor
+// has moved, or an offset is wrong. Corrects nothing. Cannot detect a range error in a room without
+// static echoes, in another room, or if furniture was moved.
 #pragma once
 #include <optional>
 #include <span>
@@ -39,7 +39,7 @@ class StaticEchoes {
   // Returns nullopt if the rows are too few or have no or other static echoes. The data must be on
   // the axes of the training, and the rows in record order.
   std::optional<RangeDifference> compare(const Dataset& data, const Rows& rows) const;
-  void archive(Archive archive);
+  void archive(Archive archive, const Layout& layout);
 
  private:
   SensorEchoes spd_, radar_;

@@ -241,6 +241,12 @@ void check_answers(const TrainedModel& model) {
   for (const float v : found.deviation.values) require(v >= 0, "a deviation is not negative");
   for (const PredictionUncertainty& uncertainty : found.uncertainties)
     require(fuzz::is_printable(uncertainty.out_of_distribution.text()), "reasons can be printed");
+  static const Dataset many = plates(StaticEchoes::min_records);
+  Dataset run = many;
+  model.match(run);
+  const DomainShift shift = domain_shift_of(model, run);
+  require(shift.interval_factor >= 1, "intervals never shrink");
+  require(fuzz::is_printable(shift.text()), "the comparison of a run can be printed");
 }
 
 Bytes file_of(ByteView input, bool& whole) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "recon/trust/domain_shift.hpp"
 
+#include <fstream>
 #include <map>
 
 #include "recon/numbers/statistics.hpp"
@@ -160,6 +161,53 @@ TEST_CASE("the 90 % intervals of a run are widened by its difference from the tr
           Approx(factor * plain[i].lateral_interval_90_m));
   }
   CHECK(stated > 20);
+
+  // The file records.csv contains the widened intervals, also if only some records are asked for.
+  const Folder dir;
+  save_model(model, dir / "m");
+  a_run(100, 10).write(dir / "run");
+  for (const char* asked : {"", " --rows 3,7,50,51,52,53,54,55"}) {
+    const Outcome o = recon_program("reconstruct -q --force --range-offset 0.05 " + (dir / "m") +
+                                    " " + (dir / "run") + asked + " --out " + (dir / "maps"));
+    REQUIRE(o.code == 0);
+    CHECK_THAT(o.text, Catch::Contains(" times as wide"));
+    std::ifstream table(dir / "maps/records.csv");
+    std::string line;
+    std::size_t compared = 0;
+    while (std::getline(table, line)) {
+      long long index = 0;
+      double x = 0, z = 0, interval_m = 0;
+      if (std::sscanf(line.c_str(), R"(%lld,"ok",,%lf,%lf,%lf)", &index, &x, &z, &interval_m) != 4)
+        continue;
+      CHECK(interval_m ==
+            Approx(e.uncertainties[static_cast<std::size_t>(index)].lateral_interval_90_m)
+                .margin(0.0006));
+      ++compared;
+    }
+    CHECK(compared > 5);
+  }
+}
+
+TEST_CASE("the maps of a fallback estimator keep their 90 % intervals") {
+  const TrainedModel& model = trained("mean-shape", "fused");
+  Dataset data = plates(100, 10);
+  for (std::size_t row = 0; row < 10; ++row) data.records[row].valid.erase(Sensor::radar);
+  const Records run = prepare_records(model, std::move(data), 0.05);
+  const DomainShift shift = domain_shift_of(model, run.data);
+  REQUIRE(shift.interval_factor > 1);
+  const Rows rows = all_rows(run.data.size());
+  const auto plain =
+      recon::predict(model, run.data, rows, PredictionDetail::uncertainty).uncertainties;
+  auto widened = plain;
+  widen_intervals(model, run.data, rows, shift, widened);
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < plain.size(); ++i) {
+    if (std::isnan(plain[i].lateral_interval_90_m)) continue;
+    kept += i < 10;
+    CHECK(widened[i].lateral_interval_90_m ==
+          Approx(plain[i].lateral_interval_90_m * (i < 10 ? 1 : shift.interval_factor)));
+  }
+  CHECK(kept > 0);
 }
 
 TEST_CASE("the domain-shift test measures radar power out to half the range of the body") {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "recon/trust/static_echoes.hpp"
 
+#include <numbers>
 #include <random>
 
 #include "../catch.hpp"
@@ -29,6 +30,11 @@ Dataset records_of(const Room& room, std::size_t count, std::uint64_t seed) {
   const auto bump = [](double x, double at, double width) {
     return std::exp(-0.5 * std::pow((x - at) / width, 2));
   };
+  // Power of an echo without a window, for range cells of 50 cm.
+  const auto echo = [](double x, double at) {
+    const double u = std::numbers::pi * (x - at) / 0.5;
+    return u == 0 ? 1 : std::pow(std::sin(u) / u, 2);
+  };
   const auto scene = [&](double r, double at, double width) {
     return (room.wall_m > 0
                 ? 4 * bump(r, room.wall_m, width) + 1.5 * bump(r, room.wall_m + 0.7, 1.3 * width) +
@@ -47,7 +53,11 @@ Dataset records_of(const Room& room, std::size_t count, std::uint64_t seed) {
     }
     for (std::size_t k = 0; k < 29; ++k) {
       const double r = 0.25 * static_cast<double>(k) - room.radar_error_m;
-      power.push_back(static_cast<float>(scene(r, at, 0.3) * (1 + 0.02 * noise(rng))));
+      const double walls = room.wall_m > 0
+                               ? 4 * echo(r, room.wall_m) + 3 * echo(r, room.wall_m + 0.8) +
+                                     room.cupboard * echo(r, room.wall_m - 0.3)
+                               : 0;
+      power.push_back(static_cast<float>((walls + echo(r, at)) * (1 + 0.02 * noise(rng))));
     }
     data.spd().cols = 336, data.radar().cols = 29;
     data.spd().add_row(counts), data.radar().add_row(power);
