@@ -76,7 +76,8 @@ def number(name: str, value: Any, kind: type = float) -> Any:
 
 def listed(name: str, values: Any) -> list[Any]:
     """Returns the items of a sequence. Raises ValueError if it is not a sequence."""
-    if isinstance(values, (str, bytes)) or not hasattr(values, "__iter__") or np.ndim(values) == 0:
+    if (isinstance(values, (str, bytes)) or not hasattr(values, "__iter__")
+            or getattr(values, "ndim", 1) == 0):
         raise ValueError(f"{name}: {values!r} (expected a sequence)")
     return list(values)
 
