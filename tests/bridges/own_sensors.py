@@ -78,7 +78,7 @@ class Recording(unittest.TestCase):
                         ("echofuse-recon", "reconstruct", place / "model", place / "run.sqlite",
                          "--out", place / "maps", "-q"),
                         ("echofuse-acquire", "import", place / "raw", "--out", place / "again")):
-            # Code 5: a record lacks a sensor whose process was starved.
+            # Code 5: a record lacks a sensor, because a process was starved.
             self.run_program(*command, ok=(0, 5) if "reconstruct" in command else (0,))
         self.assertGreaterEqual(len(list((place / "maps").glob("*.png"))), complete)
         with sqlite3.connect(place / "run.sqlite") as live, \
