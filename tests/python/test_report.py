@@ -2,6 +2,7 @@
 """Tests the page of echofuse-report: the numbers equal those of `evaluate --json`, the failures come first, only
 measured values appear, and the page of the run contains the data of its records."""
 import base64
+import csv
 import json
 import os
 import shutil
@@ -20,7 +21,7 @@ from echofuse.report import blocks
 from echofuse.report import scores
 from echofuse.report import tables
 from echofuse.report.scores import Count, Means, Mean, ReportModel, Scores, sensors_of
-from fixtures import BIN, change, changed, program
+from fixtures import BIN, change, changed, model, program, scenes
 
 BIN = BIN.resolve()
 os.environ["ECHOFUSE_BIN"] = str(BIN)
@@ -68,6 +69,21 @@ def messages_of(page):
 def evaluated(*words):
     done = subprocess.run([BIN / "echofuse-recon", "-q", "evaluate", *map(str, words), "--json"], capture_output=True, text=True, check=True)
     return json.loads(done.stdout)
+
+
+def test_all_programs_widen_the_intervals_of_a_run_that_differs_by_the_same_factor(tmp_path):
+    trained, run = model("mean-shape", scenes(300)), scenes(80, 5, "--set", "radar_bias_m=0.1")
+    factor = evaluated(trained, run)["domain_shift"]["interval_factor"]
+    assert factor > 1.5
+    program("echofuse-recon", "reconstruct", "-q", trained, run, "--out", tmp_path / "maps")
+    with open(tmp_path / "maps/records.csv", newline="") as table:
+        intervals = {int(row["record"]): float(row["lateral_interval_90_m"] or "nan") for row in csv.DictReader(table)}
+    program("echofuse-view", "--save", tmp_path / "page.html", run, "--model", trained)
+    shown = {message["index"]: message["reconstruction"]["lateral_interval_90_m"] for message in messages_of(tmp_path / "page.html")
+             if message["kind"] == "record"}
+    stated = {index: value for index, value in shown.items() if value is not None}
+    assert len(stated) > 10
+    assert all(intervals[index] == pytest.approx(value, abs=0.0006) for index, value in stated.items())
 
 
 @pytest.fixture(scope="module")
