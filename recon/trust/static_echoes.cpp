@@ -73,11 +73,12 @@ Rows static_bins(const SensorEchoes& known) {
   return out;
 }
 
-// Fits gain and shift of the known static echoes by Gauss-Newton steps, from the shift `from_bins`.
-StaticFit fit_from(const SensorEchoes& known, const Rows& bins, const Part& found,
-                   double from_bins) {
+// Fits gain and shift of the known static echoes by Gauss-Newton steps of at most `max_step` bins,
+// from the shift `from_bins`.
+StaticFit fit_from(const SensorEchoes& known, const Rows& bins, const Part& found, double from_bins,
+                   double max_step) {
   constexpr int steps = 8;
-  constexpr double h = 0.05, max_step = 0.5;
+  const double h = 0.1 * max_step;
   StaticFit out{from_bins, 1};
   for (int step = 0; step < steps; ++step) {
     const Part at = moved(known.median, out.shift_bins),
@@ -100,16 +101,17 @@ StaticFit fit_from(const SensorEchoes& known, const Rows& bins, const Part& foun
   return out;
 }
 
-// Returns the best fit from all whole shifts up to `max_m`. Returns the misfit 1 if there are too
-// few static bins.
+// Returns the best fit from whole shifts up to `max_m`, of which there are at most 21. Returns the
+// misfit 1 if there are too few static bins.
 StaticFit fit(const SensorEchoes& known, const Part& found, double step_m) {
   constexpr double max_m = 0.15;
   StaticFit best;
   const Rows bins = static_bins(known);
   if (bins.size() < min_bins) return best;
-  const double most = std::floor(max_m / step_m);
-  for (double from = -most; from <= most; ++from)
-    if (const StaticFit one = fit_from(known, bins, found, from); one.misfit < best.misfit)
+  const double most = std::floor(max_m / step_m), apart = std::max(1., std::ceil(most / 10));
+  for (double k = -std::floor(most / apart); k * apart <= most; ++k)
+    if (const StaticFit one = fit_from(known, bins, found, k * apart, apart / 2);
+        one.misfit < best.misfit)
       best = one;
   return best;
 }
