@@ -101,8 +101,8 @@ StaticFit fit_from(const SensorEchoes& known, const Rows& bins, const Part& foun
   return out;
 }
 
-// Returns the best fit from whole shifts up to `max_m`, of which there are at most 21. Returns the
-// misfit 1 if there are too few static bins.
+// Returns the best fit from at most 21 whole shifts up to `max_m`. Returns the misfit 1 if there
+// are too few static bins.
 StaticFit fit(const SensorEchoes& known, const Part& found, double step_m) {
   constexpr double max_m = 0.15;
   StaticFit best;

@@ -94,7 +94,7 @@ class Page(live_view.LiveView):
         self.wait("record on the page", lambda: self.js("return window.framesSeen") > 1)
         before = int(self.text("records"))
         self.wait("next record", lambda: int(self.text("records")) > before)
-        self.assertRegex(self.text("status"), "^recording")
+        self.wait("status of a recording", lambda: self.text("status").startswith("recording"))
         for width in 1400, 1000, 400:
             self.size(width, 800)
             self.assertEqual(self.js(header_jumps), 0, width)
