@@ -25,7 +25,7 @@ constexpr std::uint64_t permutation_stream = 0x646f6d61;  // "doma" in ASCII
 // Minimum significance of a difference, in standard errors.
 constexpr double clearly = 4;
 // A difference below this number of standard errors does not widen the intervals.
-constexpr double not_by_chance = 2;
+constexpr double not_by_chance = 3;
 constexpr double min_factor = 1.05, max_factor = 10;
 // Differences below these limits are ignored. `min_mean` is in units of the standard deviation
 // between records, and `least_square` is in units of the variance between records.
