@@ -21,7 +21,7 @@ void put_background(std::span<const float> low, std::span<const float> median, d
   for (std::size_t c = 0; c < out.size(); ++c) {
     const bool steady = median[c] - low[c] <
                         static_cast<float>(steadiness) * std::sqrt(steadiness > 0 ? median[c] : 0);
-    out[c] = steady ? median[c] : std::max(2 * low[c] - median[c], 0.f);
+    out[c] = steady ? median[c] : method::background_level(low[c], median[c]);
   }
 }
 
@@ -83,7 +83,7 @@ void Alignment::learn_array_background(const Matrix& observations, const Rows& r
     std::vector<float> power;
     for (const std::size_t row : rows) power.push_back(lags_of(row)[0]);
     const float low = quantile(power, method::background_quantile), median = quantile(power, 0.5);
-    const float level = std::max(2 * low - median, 0.f);
+    const float level = method::background_level(low, median);
     if (!(level > 0)) continue;
     const auto lags = background.subspan(at, values);
     for (const std::size_t row : rows)

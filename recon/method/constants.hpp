@@ -7,6 +7,10 @@ namespace echofuse::recon::method {
 
 // Low quantile of the values in a bin, from which the background of the bin is computed.
 inline constexpr double background_quantile = 0.05;
+// Returns the background of a bin, from this low quantile and the median of its values.
+constexpr float background_level(float low, float median) {
+  return 2 * low > median ? 2 * low - median : 0;
+}
 // A bin is assumed to contain only background if its counts vary by less than this number of
 // Poisson standard deviations.
 inline constexpr double steadiness = 4;

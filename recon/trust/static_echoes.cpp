@@ -14,7 +14,7 @@ namespace echofuse::recon {
 namespace {
 
 // A bin is static if this fraction of its median is static, and if it has at least 2 % of the
-// largest static value. The static part is the background of the method (method/constants.hpp).
+// largest static value.
 constexpr double min_share = 0.6, min_of_top = 0.02;
 constexpr std::size_t min_bins = 6;
 // The static echoes have changed if the rms deviation after the fit exceeds this fraction. In three
@@ -35,14 +35,13 @@ Matrix table_of(const Dataset& data, const Rows& rows, bool of_spd) {
   return out;
 }
 
-Part medians(const Matrix& table) { return column_quantile(table, all_rows(table.rows), 0.5); }
-
 SensorEchoes learn(const Matrix& table) {
-  const Part low = column_quantile(table, all_rows(table.rows), method::background_quantile);
-  SensorEchoes out{medians(table), {}};
+  const Rows rows = all_rows(table.rows);
+  const Part low = column_quantile(table, rows, method::background_quantile);
+  SensorEchoes out{column_quantile(table, rows, 0.5), {}};
   for (std::size_t i = 0; i < low.size(); ++i) {
     const float median = out.median[i];
-    out.share.push_back(median > 0 ? std::clamp((2 * low[i] - median) / median, 0.F, 1.F) : 0);
+    out.share.push_back(median > 0 ? method::background_level(low[i], median) / median : 0);
   }
   return out;
 }
