@@ -80,7 +80,7 @@ std::vector<Port> ports(const std::optional<Config>& config, const MachineRoots&
     const bool usable = ::access(path.c_str(), R_OK | W_OK) == 0;
     out.push_back({path, usable ? "" : path + ": " + std::strerror(errno), true, is_denied(path)});
   }
-  const auto is_wanted = [&](const inventory::Node& node) {
+  const auto is_expected = [&](const inventory::Node& node) {
     return !node.address.empty() &&
            std::find(expected.begin(), expected.end(), node.address) != expected.end();
   };
@@ -89,7 +89,7 @@ std::vector<Port> ports(const std::optional<Config>& config, const MachineRoots&
       const auto known =
           std::find_if(out.begin(), out.end(), [&](auto& p) { return p.path == node.path; });
       if (known == out.end())
-        out.push_back({node.path, node.missing, is_wanted(node), is_denied(node.path)});
+        out.push_back({node.path, node.missing, is_expected(node), is_denied(node.path)});
       else
         known->missing = node.missing;
     }

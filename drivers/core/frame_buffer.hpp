@@ -10,8 +10,8 @@ namespace echofuse {
 
 // Result of one call of the parser.
 struct Step {
-  std::size_t used = 0;      // bytes consumed; 0 if more bytes are needed
-  std::size_t expected = 0;  // bytes needed for the next call to succeed; 0 if unknown
+  std::size_t used = 0;    // bytes consumed; 0 if more bytes are needed
+  std::size_t needed = 0;  // bytes needed for the next call to succeed; 0 if unknown
 };
 
 class FrameBuffer {
@@ -21,16 +21,16 @@ class FrameBuffer {
   explicit FrameBuffer(std::size_t max_kept = 1 << 20) : max_kept_(max_kept) {}
   // Repeatedly calls consume(view), where `view` contains unconsumed bytes in order and without
   // gaps, until `consume` needs more bytes than are available. For an empty view, `consume` must
-  // return {0, expected}.
+  // return {0, needed}.
   template <class Consume>
   void feed(ByteView bytes, const Consume& consume) {
     while (!held().empty() && !bytes.empty()) {
       const std::size_t has = held().size();
-      const std::size_t missing = wanted_ > has ? wanted_ - has : bytes.size();
+      const std::size_t missing = needed_ > has ? needed_ - has : bytes.size();
       const ByteView head = bytes.first(std::min(missing, bytes.size()));
       held_.insert(held_.end(), head.begin(), head.end());
       bytes = bytes.subspan(head.size());
-      if (held().size() < wanted_) return;
+      if (held().size() < needed_) return;
       again(consume);
     }
     if (held().empty() && !bytes.empty()) {
@@ -41,7 +41,7 @@ class FrameBuffer {
   ByteView held() const { return ByteView(held_).subspan(used_); }
   void clear() {
     Bytes().swap(held_);
-    used_ = wanted_ = 0;
+    used_ = needed_ = 0;
   }
   std::size_t kept_bytes() const { return held_.capacity(); }
   // Frees the buffer's memory unless it contains an incomplete frame.
@@ -72,7 +72,7 @@ class FrameBuffer {
     for (;;) {
       const Step step = consume(bytes.subspan(used));
       if (step.used == 0) {
-        wanted_ = step.expected;
+        needed_ = step.needed;
         return used;
       }
       used += step.used;
@@ -82,7 +82,7 @@ class FrameBuffer {
   std::size_t max_kept_;
   Bytes held_;
   std::size_t used_ = 0;  // number of consumed bytes at the start of held_
-  std::size_t wanted_ = 0;
+  std::size_t needed_ = 0;
 };
 
 }  // namespace echofuse
