@@ -111,9 +111,11 @@ def annotate(run: runs.Run | Path, text: str | None = None, *, label: Any = None
     path = pathlib.Path(run.path if isinstance(run, runs.Run) else run).absolute()
     if isinstance(run, runs.Run):
         run.events()  # checks that the file still contains this run
-    words = ["--", text_of("text", text)] if label is None else [
-        f"--label={text_of('label', label)}"]
-    call(acquire_program(program), "annotate", path, *words)
+    if label is None:
+        arguments = ["--", text_of("text", text)]
+    else:
+        arguments = [f"--label={text_of('label', label)}"]
+    call(acquire_program(program), "annotate", path, *arguments)
 
 
 def record(config: Path | None = None, count: int = 1, *, label: Any = None,
