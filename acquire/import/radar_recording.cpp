@@ -112,7 +112,7 @@ std::vector<std::string> RadarRecording::doubts() const {
       out.push_back(std::to_string(oddity.count) + what + " (" + oddity.places + ")" + then);
   };
   if (c.frames == 0)
-    out.push_back("contains no frame of TI's demo: " + radar::why_no_frames(beginning_));
+    out.push_back("contains no frame of TI's demo: " + radar::cause_of_no_frames(beginning_));
   else if (c.range_profiles == 0)
     out.emplace_back(
         "no frame has a range profile: the third number of guiMonitor was 0 on the board");

@@ -19,7 +19,7 @@ namespace fs = std::filesystem;
 
 Viewer::Viewer(const std::string& run, std::optional<std::int64_t> planned,
                const std::string& model) {
-  std::vector<std::string> words{program_beside("echofuse-view"), run, "--until-closed"};
+  std::vector<std::string> words{sibling_program("echofuse-view"), run, "--until-closed"};
   if (planned) words.insert(words.end(), {"--planned", std::to_string(*planned)});
   if (!model.empty()) words.insert(words.end(), {"--model", model});
   const auto started = start_program(words);

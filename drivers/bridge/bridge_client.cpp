@@ -38,7 +38,7 @@ std::vector<Counter> BridgeClient::counters() const {
 
 void BridgeClient::connect() {
   parser_.reset();
-  greeted_ = connected_ = told_kind_ = false;
+  greeted_ = connected_ = kind_reported_ = false;
   quiet_checks_ = 0;
   blocks_seen_ = parser_.counts().blocks;
   port_ = opener_();
@@ -111,7 +111,7 @@ void BridgeClient::reject(const Block& block, const char* expected, const std::s
   constexpr std::size_t max_reasons = 20;
   if (!other && reasons_.size() < max_reasons && reasons_.insert(reason).second)
     handlers_.event(Severity::error, std::string("its ") + expected + " have " + reason);
-  if (other && !std::exchange(told_kind_, true))
+  if (other && !std::exchange(kind_reported_, true))
     handlers_.event(Severity::warning,
                     std::string("this bridge sends ") + kinds[kind] + ", not " + expected +
                         (block.kind == BlockKind::histogram

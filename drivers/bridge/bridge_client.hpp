@@ -61,7 +61,8 @@ class BridgeClient {
   std::uint64_t blocks_seen_ = 0, bytes_seen_ = 0;
   int quiet_checks_ = 0;
   bool running_ = false, faulted_ = false, greeted_ = false;
-  bool connected_ = false, told_kind_ = false;  // reset to false when a new connection is attempted
+  bool connected_ = false,
+       kind_reported_ = false;  // reset to false when a new connection is attempted
   std::uint64_t connections_ = 0, bad_payloads_ = 0;
   // losses to be reported with the next delivered block
   std::uint64_t lost_blocks_ = 0, dropped_items_ = 0;

@@ -142,7 +142,7 @@ class OpenNiCamera::CaptureThread {
       const Read read = session.read(wait_limit, frame);
       const auto now = std::chrono::steady_clock::now();
       if (read == Read::end) return {};
-      if (read == Read::gone) return "camera disconnected";
+      if (read == Read::disconnected) return "camera disconnected";
       if (read == Read::bad_frame) ++shared_->bad_frames;
       if (read == Read::frame) {
         backoff_.alive(clock_.now());

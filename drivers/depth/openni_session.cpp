@@ -141,8 +141,8 @@ std::string OpenNiSession::open_stream(const OpenNiOptions& requested) {
 // Keeps the camera's current mode if it matches `requested`; otherwise, sets the first mode that
 // matches.
 std::string OpenNiSession::choose_mode(const OpenNiOptions& requested) {
-  const auto like = [](std::uint32_t wish, int is) {
-    return wish == 0 || wish == static_cast<std::uint32_t>(is);
+  const auto like = [](std::uint32_t expected, int is) {
+    return expected == 0 || expected == static_cast<std::uint32_t>(is);
   };
   const auto fits = [&](const openni::VideoMode& mode) {
     return is_depth(mode.getPixelFormat()) && like(requested.width, mode.getResolutionX()) &&
@@ -212,7 +212,7 @@ void OpenNiSession::describe(const openni::VideoMode& mode) {
 }
 
 OpenNiSession::Read OpenNiSession::read(std::chrono::milliseconds timeout, DepthFrame& frame) {
-  if (gone_) return Read::gone;
+  if (disconnected_) return Read::disconnected;
   if (stepped_) {
     if (frames_left_-- <= 0) return Read::end;
   } else {
@@ -221,10 +221,10 @@ OpenNiSession::Read OpenNiSession::read(std::chrono::milliseconds timeout, Depth
     const Status status =
         OpenNI::waitForAnyStream(&stream, 1, &which, static_cast<int>(timeout.count()));
     if (status == openni::STATUS_TIME_OUT) return Read::nothing;
-    if (status != openni::STATUS_OK) return Read::gone;
+    if (status != openni::STATUS_OK) return Read::disconnected;
   }
   openni::VideoFrameRef raw;
-  if (stream_.readFrame(&raw) != openni::STATUS_OK || !raw.isValid()) return Read::gone;
+  if (stream_.readFrame(&raw) != openni::STATUS_OK || !raw.isValid()) return Read::disconnected;
   return convert(raw, frame) ? Read::frame : Read::bad_frame;
 }
 
@@ -256,7 +256,7 @@ bool OpenNiSession::convert(const openni::VideoFrameRef& raw, DepthFrame& frame)
 }
 
 void OpenNiSession::onDeviceDisconnected(const openni::DeviceInfo* info) {
-  if (uri_ == info->getUri()) gone_ = true;
+  if (uri_ == info->getUri()) disconnected_ = true;
 }
 
 std::vector<OpenNiDevice> list_openni_devices() {

@@ -32,7 +32,7 @@ class OpenNiSession final : private openni::OpenNI::DeviceDisconnectedListener {
   // Returns an error message, or an empty string on success.
   std::string open(const std::string& uri, const OpenNiOptions& requested);
 
-  enum class Read { frame, nothing, bad_frame, end, gone };
+  enum class Read { frame, nothing, bad_frame, end, disconnected };
   // Fills all fields of `frame` except `received` and `lost_before`.
   Read read(std::chrono::milliseconds timeout, DepthFrame& frame);
 
@@ -57,7 +57,7 @@ class OpenNiSession final : private openni::OpenNI::DeviceDisconnectedListener {
   // number of frames remaining, if a recording is played frame by frame
   int frames_left_ = 0;
   bool stepped_ = false;
-  std::atomic<bool> gone_{false};
+  std::atomic<bool> disconnected_{false};
 };
 
 }  // namespace echofuse::depth

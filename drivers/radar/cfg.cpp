@@ -84,8 +84,8 @@ Cfg::Cfg(const std::vector<CfgLine>& lines, std::string name, RadarProfile& prof
     : name_(std::move(name)), profile_(profile) {
   for (const CfgLine& line : lines) attempt([&] { add(line); });
   for (const auto& [command, lines_of] : commands_)
-    if (const auto whose = other_demo_of(command); !whose.empty())
-      fail(lines_of.front(), "is a command of " + std::string(whose) +
+    if (const auto demo = other_demo_of(command); !demo.empty())
+      fail(lines_of.front(), "is a command of " + std::string(demo) +
                                  "; expected a cfg of the out-of-box demo of SDK 3.4 to 3.6 for "
                                  "xWR68xx or xWR64xx, as in config/radar");
 }
@@ -201,7 +201,8 @@ void Cfg::check_words(const CfgCommand& c) {
   if (expected + 1 != c.words.size()) return refuse(complaint(c, miscounted(c, expected)));
   for (std::size_t i = 1; i <= expected; ++i)
     if (const std::string what = outside(c, i); !what.empty()) refuse(complaint(c, what));
-  if (constexpr double most = 32; name == "calibDcRangeSig" && number(c, 4) - number(c, 3) >= most)
+  if (constexpr double max_bins = 32;
+      name == "calibDcRangeSig" && number(c, 4) - number(c, 3) >= max_bins)
     refuse(complaint(c, "has more than 32 bins (limit of the demo)"));
 }
 

@@ -63,7 +63,7 @@ void CommandDialogue::send_whole_cfg() {
 void CommandDialogue::start(HostTime now) { send_bare_line(now); }
 
 void CommandDialogue::receive(ByteView bytes, HostTime now) {
-  heard_ = heard_ || !bytes.empty();
+  received_bytes_ = received_bytes_ || !bytes.empty();
   if (drain_end_ && !bytes.empty()) deadline_ = std::min(*drain_end_, now + timeouts_.quiet);
   for (const std::uint8_t byte : bytes) {
     if (byte == '\r' || byte == 0) continue;
@@ -92,17 +92,18 @@ void CommandDialogue::tick(HostTime now) {
   } else if (state_ == State::draining && tries_ < max_tries) {
     send_bare_line(now);
   } else if (state_ == State::draining) {
-    fail(heard_ ? "no prompt, but other bytes received; check that this is the command port and "
-                  "that the "
-                  "board's jumper is not set for flashing"
-                : "no prompt; check that this is the radar's command port and that the board is "
-                  "powered, or "
-                  "reset the board");
+    fail(received_bytes_
+             ? "no prompt, but other bytes received; check that this is the command port and "
+               "that the "
+               "board's jumper is not set for flashing"
+             : "no prompt; check that this is the radar's command port and that the board is "
+               "powered, or "
+               "reset the board");
   } else {
     if (!trimmed(line_).empty()) answer_.push_back(trimmed(line_));
-    std::string said;
-    for (const std::string& line : answer_) said += (said.empty() ? " after '" : "; ") + line;
-    fail("no answer" + (said.empty() ? "" : shown(said) + "'") +
+    std::string answers;
+    for (const std::string& line : answer_) answers += (answers.empty() ? " after '" : "; ") + line;
+    fail("no answer" + (answers.empty() ? "" : shown(answers) + "'") +
          "; the firmware has stopped: reset the board");
   }
 }
@@ -113,7 +114,7 @@ void CommandDialogue::on_line() {
   const bool commanding = state_ == State::commanding;
   // The firmware sends this line once per frame while measureRangeBiasAndRxChanPhase is enabled.
   // The line may interrupt the echo of a command.
-  const std::size_t calibration = line.find("compRangeBiasAndRxChanPhase ");
+  const std::size_t bias_begin = line.find("compRangeBiasAndRxChanPhase ");
   if (line.find("Exception:") != line.npos) {
     fail(shown(line) + " (the firmware has stopped: reset the board" +
          (commanding && starts()
@@ -123,10 +124,10 @@ void CommandDialogue::on_line() {
     fail("the board was reset");
   } else if (commanding && line == trimmed(commands_[next_].text)) {
     return;  // the line is the echo of the command
-  } else if (calibration != line.npos) {
-    const std::string told = line.substr(calibration);
-    report(Severity::info, told);
-    if (auto bias = parse_firmware_bias(told)) biases_.push_back(std::move(*bias));
+  } else if (bias_begin != line.npos) {
+    const std::string bias_line = line.substr(bias_begin);
+    report(Severity::info, bias_line);
+    if (auto bias = parse_firmware_bias(bias_line)) biases_.push_back(std::move(*bias));
   } else if (state_ == State::draining) {
     if (is_banner(line)) send_whole_cfg();
     read_version(line);

@@ -114,7 +114,7 @@ class CommandDialogue {
   std::size_t next_ = 0;  // index of the command that is waiting for its answer
   int tries_ = 0;
   State state_ = State::draining;
-  bool heard_ = false, answered_ = false;
+  bool received_bytes_ = false, answered_ = false;
   // `drain_end_`: latest time at which the wait for silence ends; set by the first prompt
   std::optional<HostTime> deadline_, drain_end_;
   std::optional<HostTime> stopped_;

@@ -90,7 +90,7 @@ std::string changed_line_ends(ByteView bytes) {
          "are shorter than they state";
 }
 
-std::string why_no_frames(ByteView bytes) {
+std::string cause_of_no_frames(ByteView bytes) {
   if (bytes.empty()) return "the file is empty";
   const std::size_t first = find_magic(bytes, 0);
   const std::size_t end = find_magic(bytes, std::min(first + 1, bytes.size()));

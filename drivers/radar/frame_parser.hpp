@@ -74,7 +74,7 @@ struct FrameCounts {
 };
 
 // Returns an explanation of why the beginning of a stream contains no frame.
-std::string why_no_frames(ByteView beginning);
+std::string cause_of_no_frames(ByteView beginning);
 // Returns a description of converted line endings in a recording, or an empty string.
 std::string changed_line_ends(ByteView bytes);
 

@@ -67,8 +67,8 @@ EnabledAntennas read_antennas(const Cfg& cfg, const FrameCfg& of) {
   const CfgCommand& frame = of.line;
   const auto enabled = cfg.integer(channels, 2);
   const auto first = of.first_chirp(cfg), last = of.last_chirp(cfg);
-  constexpr std::uint32_t most = 32;  // size of an array in the demo (mmwdemo_rfparser.c)
-  if (last >= first + most) cfg.fail(frame, "uses more than 32 chirps (limit of the demo)");
+  constexpr std::uint32_t max_chirps = 32;  // size of an array in the demo (mmwdemo_rfparser.c)
+  if (last >= first + max_chirps) cfg.fail(frame, "uses more than 32 chirps (limit of the demo)");
   // transmitter masks, by the number of the first chirp
   std::multimap<std::uint32_t, std::uint32_t> used;
   for (const CfgCommand& chirp : cfg.all("chirpCfg")) {
@@ -226,7 +226,7 @@ void require_one_axis(const Cfg& cfg, const FrameCfg& frame) {
 
 // Requires all subframes to have the same range axis and antennas, because a record is the mean of
 // all subframes.
-void require_alike(const Cfg& cfg, const std::vector<FrameCfg>& frames) {
+void require_equal_subframes(const Cfg& cfg, const std::vector<FrameCfg>& frames) {
   const auto of = [&](const FrameCfg& f) {
     const EnabledAntennas antennas = read_antennas(cfg, f);
     return std::tuple(sampling_of(cfg, profile_of(cfg, f)), antennas.receivers,
@@ -373,7 +373,7 @@ RadarProfile parse_profile(std::string_view cfg_text, const std::string& name,
   });
   cfg.attempt([&] { read_gui_monitor(cfg, profile); });
   cfg.stop_if_faulty();
-  cfg.attempt([&] { require_alike(cfg, frames); });
+  cfg.attempt([&] { require_equal_subframes(cfg, frames); });
   cfg.attempt([&] { check_ramps(cfg); });
   for (const FrameCfg& f : frames) {
     cfg.attempt([&] { require_one_axis(cfg, f); });

@@ -86,13 +86,13 @@ void RadarDriver::connect() {
   cli_ = setup_.cli();
   data_ = setup_.data();
   const auto opened = [this] { on_opened(); };
-  const auto gone = [this](const Failure& failure) { on_gone(failure); };
+  const auto disconnected = [this](const Failure& failure) { on_disconnected(failure); };
   const auto warning = [this](const std::string& text, std::uint64_t losses) {
     port_losses_ += losses;
     if (reported_.insert(text).second) sink_->on_event(Sensor::radar, Severity::warning, text);
   };
-  cli_->open({opened, [this](ByteView bytes) { on_cli(bytes); }, gone, warning});
-  data_->open({opened, [this](ByteView bytes) { on_data(bytes); }, gone, warning});
+  cli_->open({opened, [this](ByteView bytes) { on_cli(bytes); }, disconnected, warning});
+  data_->open({opened, [this](ByteView bytes) { on_data(bytes); }, disconnected, warning});
 }
 
 void RadarDriver::on_opened() {
@@ -120,7 +120,7 @@ void RadarDriver::advance() {
     const bool answered = dialogue_->answered();
     const std::string& failure = dialogue_->failure();
     if (answered) {
-      said_ = failure;
+      probe_failure_ = failure;
       info_.model = dialogue_->platform();
       info_.firmware = dialogue_->firmware();
     }
@@ -142,7 +142,7 @@ void RadarDriver::on_cli(ByteView bytes) {
   }
   if (no_data_probe_) {
     no_data_probe_->receive_cli(bytes);
-    return advance_silence();
+    return advance_no_data_probe();
   }
   if (!dialogue_) return;
   const bool before = dialogue_->state() == CommandDialogue::State::done;
@@ -193,7 +193,7 @@ void RadarDriver::on_frame(RadarFrame frame) {
     return;
   }
   alive_ = loop_.now();
-  said_.clear();
+  probe_failure_.clear();
   backoff_.alive(alive_);
   if (!std::exchange(streaming_, true)) {
     faulted_ = false;
@@ -277,26 +277,27 @@ bool RadarDriver::board_was_reset() {
 void RadarDriver::watch() {
   const auto limit = std::max(from_seconds(2), from_seconds(5 * profile_.frame_period_s));
   const auto left = alive_ + limit - loop_.now();
-  if (left <= left.zero()) return streaming_ ? fail("no frames on the data port") : ask_why();
+  if (left <= left.zero())
+    return streaming_ ? fail("no frames on the data port") : start_no_data_probe();
   watch_timer_.after(left, [this] { watch(); });
 }
 
-void RadarDriver::ask_why() {
+void RadarDriver::start_no_data_probe() {
   no_data_probe_.emplace(setup_.data_baud, parser_.counts().bytes - bytes_before_);
-  advance_silence();
+  advance_no_data_probe();
   watch_timer_.after(NoDataProbe::time, [this] {
     const std::string& remark = dialogue_->remark();
-    fail(said_ = "no frames on the data port: " + no_data_probe_->cause() +
-                 (remark.empty() ? "" : "; message from the board on start: " + remark));
+    fail(probe_failure_ = "no frames on the data port: " + no_data_probe_->cause() +
+                          (remark.empty() ? "" : "; message from the board on start: " + remark));
   });
 }
 
-void RadarDriver::advance_silence() {
+void RadarDriver::advance_no_data_probe() {
   const std::string out = no_data_probe_->take_output();
   cli_->write({reinterpret_cast<const std::uint8_t*>(out.data()), out.size()});
 }
 
-void RadarDriver::on_gone(const Failure& failure) {
+void RadarDriver::on_disconnected(const Failure& failure) {
   const bool worked = streaming_;
   fail(failure.text());
   if (worked) unplugged_ = loop_.now();
@@ -323,8 +324,10 @@ void RadarDriver::drop_data() {
 void RadarDriver::fail(const std::string& reason, DeviceState state) {
   if (!running_) return;
   disconnect();
-  const std::string why = said_.empty() || said_ == reason ? reason : said_ + "; then: " + reason;
-  if (backoff_.is_news(why)) sink_->on_event(Sensor::radar, Severity::warning, why);
+  const std::string text = probe_failure_.empty() || probe_failure_ == reason
+                               ? reason
+                               : probe_failure_ + "; then: " + reason;
+  if (backoff_.is_news(text)) sink_->on_event(Sensor::radar, Severity::warning, text);
   if (!running_) return;
   if (!std::exchange(faulted_, true) || state != DeviceState::faulted)
     sink_->on_state(Sensor::radar, state, info_);
@@ -357,7 +360,7 @@ void NoDataProbe::receive_data(ByteView bytes) {
 std::string NoDataProbe::take_output() { return std::exchange(output_, {}); }
 
 std::string NoDataProbe::cause() const {
-  constexpr std::size_t most_of_16 = 12;
+  constexpr std::size_t min_ping_bytes = 12;
   if (answered_ == 0)
     return "the firmware does not answer: its processor has stopped; reset the board, and disable "
            "outputs in guiMonitor or set a longer frame period";
@@ -367,7 +370,7 @@ std::string NoDataProbe::cause() const {
   if (answered_ < 2)
     return "the sensor does not stop: its signal processor has stopped; reset the board, and "
            "disable outputs in guiMonitor or set a longer frame period";
-  if (pings_ >= most_of_16)
+  if (pings_ >= min_ping_bytes)
     return "the data port works, but no frame is sent: the firmware image is for a different board "
            "(ISK image on "
            "an AOP or ODS, or vice versa), or its signal processor has stopped; flash the "

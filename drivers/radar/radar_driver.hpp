@@ -86,11 +86,11 @@ class RadarDriver final : public Driver {
   void check_array(RadarFrame& frame);
   void check_period(const RadarFrame& frame);
   void watch();
-  void ask_why();
-  void advance_silence();
+  void start_no_data_probe();
+  void advance_no_data_probe();
   bool board_was_reset();
   void advance_stop_dialogue();
-  void on_gone(const Failure& failure);
+  void on_disconnected(const Failure& failure);
   void detect_other_board(const RadarFrame& frame);
   void check_frames();
   void fail(const std::string& reason, DeviceState state = DeviceState::faulted);
@@ -111,7 +111,8 @@ class RadarDriver final : public Driver {
   std::optional<StopDialogue> stop_dialogue_;
   SampleSink* sink_ = nullptr;
   bool answered_ = false;  // true if the firmware has answered since the driver was created
-  std::string said_;       // first failure since the last frame; later failures are appended to it
+  std::string
+      probe_failure_;  // first failure since the last frame; later failures are appended to it
   std::set<std::string> reported_;  // port warnings that have been reported
   // time at which a port was unplugged while the firmware still had the driver's cfg
   std::optional<HostTime> unplugged_;

@@ -80,7 +80,7 @@ std::string login_name() {
   return user ? user->pw_name : std::to_string(::geteuid());
 }
 
-std::string program_beside(const std::string& name) {
+std::string sibling_program(const std::string& name) {
   std::error_code none;
   const auto beside = program_folder() / name;
   return std::filesystem::exists(beside, none) ? beside.string() : name;

@@ -42,7 +42,7 @@ std::string permission_hint(const std::string& node);
 std::string machine_name();
 // Returns the path of a program in the folder of the running program. If it does not exist there,
 // returns NAME, so that start_program() searches PATH for it.
-std::string program_beside(const std::string& name);
+std::string sibling_program(const std::string& name);
 
 // Returns the reason why start_program() cannot start a program with this name, or an empty string
 // if it can.

@@ -32,14 +32,14 @@ class RegularFile {
   // Fills `out` with the next bytes of the file. Returns the number of bytes read, which is less
   // than the size of `out` only at the end of the file. Throws Error(code).
   std::size_t read(std::span<std::uint8_t> out) const;
-  // Reads the rest of the file into a std::string or Bytes. Reads at most `most` + 1 bytes, so that
-  // the caller can detect a longer file.
+  // Reads the rest of the file into a std::string or Bytes. Reads at most `max_bytes` + 1 bytes, so
+  // that the caller can detect a longer file.
   template <class Contents>
-  Contents rest(std::size_t most = std::size_t{1} << 62) const {
+  Contents rest(std::size_t max_bytes = std::size_t{1} << 62) const {
     Contents out;
-    for (std::size_t done = 0; done <= most;) {
+    for (std::size_t done = 0; done <= max_bytes;) {
       // Reads one extra byte to find the end, because kernel files (/proc, /sys) report size 0.
-      out.resize(std::min(std::max(size(), done + 4096), most) + 1);
+      out.resize(std::min(std::max(size(), done + 4096), max_bytes) + 1);
       done += read({reinterpret_cast<std::uint8_t*>(out.data()) + done, out.size() - done});
       if (done == out.size()) continue;
       out.resize(done);
