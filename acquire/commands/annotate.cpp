@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: MIT
+#include "acquire/record/annotate.hpp"
+
 #include <algorithm>
 
 #include "acquire/commands/commands.hpp"
-#include "acquire/record/run_file.hpp"
+#include "acquire/record/run_reader.hpp"
 #include "drivers/core/clock.hpp"
 #include "drivers/util/printable.hpp"
 #include "drivers/util/program.hpp"

@@ -4,7 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "acquire/commands/commands.hpp"
-#include "acquire/record/run_file.hpp"
+#include "acquire/record/run_reader.hpp"
 #include "drivers/util/format.hpp"
 #include "drivers/util/printable.hpp"
 

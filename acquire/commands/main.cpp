@@ -24,7 +24,7 @@
 #include "acquire/doctor/doctor.hpp"
 #include "acquire/import/import.hpp"
 #include "acquire/measurement/response.hpp"
-#include "acquire/record/run_file.hpp"
+#include "acquire/record/recover.hpp"
 #include "acquire/record/run_names.hpp"
 #include "acquire/run/new_run.hpp"
 #include "acquire/run/viewer.hpp"

@@ -10,7 +10,7 @@
 
 #include "acquire/intake/sample_check.hpp"
 #include "acquire/measurement/radar_array.hpp"
-#include "acquire/record/run_file.hpp"
+#include "acquire/record/fused_record.hpp"
 #include "drivers/core/median.hpp"
 #include "drivers/util/printable.hpp"
 

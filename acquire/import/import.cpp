@@ -15,7 +15,7 @@
 #include "acquire/import/imported_run.hpp"
 #include "acquire/import/picoquant.hpp"
 #include "acquire/import/radar_recording.hpp"
-#include "acquire/record/run_file.hpp"
+#include "acquire/record/run_reader.hpp"
 #include "acquire/run/daemon.hpp"
 #include "acquire/run/new_run.hpp"
 #include "drivers/port/virtual_loop.hpp"

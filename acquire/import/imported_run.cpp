@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "acquire/record/columns.hpp"
+#include "acquire/record/run_reader.hpp"
 #include "acquire/record/written_run.hpp"
 #include "acquire/run/new_run.hpp"
 #include "drivers/util/console.hpp"

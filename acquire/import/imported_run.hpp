@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "acquire/intake/signal_check.hpp"
-#include "acquire/record/run_file.hpp"
+#include "acquire/record/run_writer.hpp"
 #include "acquire/run/daemon.hpp"
 #include "drivers/core/clock.hpp"
 #include "drivers/util/new_file.hpp"

@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "acquire/measurement/radar_leakage.hpp"
-#include "acquire/record/run_file.hpp"
+#include "acquire/record/fused_record.hpp"
 #include "drivers/core/median.hpp"
 #include "drivers/util/format.hpp"
 

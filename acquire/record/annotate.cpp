@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: MIT
+#include "acquire/record/annotate.hpp"
+
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -9,8 +11,8 @@
 #include <thread>
 
 #include "acquire/record/rows.hpp"
-#include "acquire/record/run_file.hpp"
 #include "acquire/record/run_guard.hpp"
+#include "acquire/record/run_reader.hpp"
 #include "acquire/record/side_files.hpp"
 #include "acquire/record/writer_lock.hpp"
 #include "drivers/util/new_file.hpp"

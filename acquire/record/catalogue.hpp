@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "acquire/record/run_file.hpp"
+#include "acquire/record/run_reader.hpp"
 
 namespace echofuse::record {
 

@@ -4,7 +4,7 @@
 #include <functional>
 #include <string>
 
-#include "acquire/record/run_file.hpp"
+#include "acquire/record/run_reader.hpp"
 
 namespace echofuse::record {
 

@@ -76,6 +76,9 @@ struct SlotStatistics {
 inline constexpr const char* temperature_places[] = {"rx0", "rx1", "rx2", "rx3",  "tx0",
                                                      "tx1", "tx2", "pm",  "dig0", "dig1"};
 
+// Largest allowed index of a record, chosen so that index + 1 cannot overflow.
+inline constexpr std::int64_t max_index = std::int64_t{1} << 53;
+
 struct FusedRecord {
   std::int64_t index = 0;
   HostTime slot_start{}, slot_end{};
@@ -119,6 +122,11 @@ struct CalibrationEntry {
   std::string model = {}, serial = {};  // identity of the device; not stored in a run
 
   bool operator==(const CalibrationEntry&) const = default;
+};
+
+struct CounterRow {
+  std::string source, name;  // source: a sensor or "run"
+  std::uint64_t value = 0;
 };
 
 // Content of the table `run`, which has one row.

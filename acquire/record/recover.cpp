@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: MIT
+#include "acquire/record/recover.hpp"
+
 #include <unistd.h>
 
 #include <filesystem>
 
-#include "acquire/record/run_file.hpp"
 #include "acquire/record/run_guard.hpp"
+#include "acquire/record/run_reader.hpp"
 #include "acquire/record/side_files.hpp"
 #include "acquire/record/sqlite.hpp"
 #include "acquire/record/writer_lock.hpp"

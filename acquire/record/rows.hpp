@@ -14,7 +14,7 @@
 #include <vector>
 
 #include "acquire/record/columns.hpp"
-#include "acquire/record/run_file.hpp"
+#include "acquire/record/run_reader.hpp"
 #include "acquire/record/sqlite.hpp"
 
 namespace echofuse::record {

@@ -9,6 +9,9 @@ struct sqlite3;
 
 namespace echofuse::record {
 
+inline constexpr int application_id = 0x4543464d;  // "ECFM" in ASCII
+inline constexpr int format_version = 4;
+
 // Limits for each SQL statement, because a crafted file may contain endless loops of pages and
 // values of any length.
 struct Budget {

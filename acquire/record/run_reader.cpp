@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: MIT
+#include "acquire/record/run_reader.hpp"
+
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -10,7 +12,6 @@
 
 #include "acquire/record/network_file_system.hpp"
 #include "acquire/record/rows.hpp"
-#include "acquire/record/run_file.hpp"
 #include "acquire/record/run_guard.hpp"
 #include "acquire/record/side_files.hpp"
 #include "acquire/record/sqlite.hpp"

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "acquire/record/written_run.hpp"
 
-#include "acquire/record/run_file.hpp"
+#include "acquire/record/run_reader.hpp"
 #include "drivers/util/exit_code.hpp"
 
 namespace echofuse::record {

@@ -18,7 +18,7 @@
 
 #include "acquire/config/config.hpp"
 #include "acquire/intake/window.hpp"
-#include "acquire/record/run_file.hpp"
+#include "acquire/record/run_writer.hpp"
 #include "drivers/core/driver.hpp"
 #include "drivers/port/loop.hpp"
 

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "acquire/config/config.hpp"
-#include "acquire/record/run_file.hpp"
+#include "acquire/record/run_writer.hpp"
 #include "drivers/core/clock.hpp"
 
 namespace echofuse::acquire {

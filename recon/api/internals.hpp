@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "acquire/measurement/depth_map.hpp"
-#include "acquire/record/run_file.hpp"
+#include "acquire/record/run_reader.hpp"
 #include "drivers/util/caused_error.hpp"
 #include "echofuse/model.hpp"
 #include "echofuse/run.hpp"

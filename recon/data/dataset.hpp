@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "acquire/measurement/depth_map.hpp"
-#include "acquire/record/run_file.hpp"
+#include "acquire/record/run_reader.hpp"
 #include "drivers/util/exit_code.hpp"
 #include "recon/data/column.hpp"
 #include "recon/data/exclusion.hpp"

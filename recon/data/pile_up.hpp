@@ -11,7 +11,7 @@
 #pragma once
 #include <span>
 
-#include "acquire/record/run_file.hpp"
+#include "acquire/record/fused_record.hpp"
 
 namespace echofuse::recon {
 

@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "acquire/record/run_file.hpp"
+#include "acquire/record/run_reader.hpp"
 #include "drivers/core/clock.hpp"
 
 namespace echofuse::view {

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "acquire/record/run_file.hpp"
+#include "acquire/record/run_reader.hpp"
 #include "recon/predict/trained_model.hpp"
 
 namespace echofuse::view {

@@ -6,7 +6,8 @@
 #include <vector>
 
 #include "acquire/measurement/depth_map.hpp"
-#include "acquire/record/run_file.hpp"
+#include "acquire/measurement/radar_array.hpp"
+#include "acquire/record/fused_record.hpp"
 
 namespace echofuse::view {
 

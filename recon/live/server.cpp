@@ -15,6 +15,7 @@
 #include <map>
 #include <set>
 
+#include "acquire/record/annotate.hpp"
 #include "drivers/util/console.hpp"
 #include "drivers/util/printable.hpp"
 #include "drivers/util/program.hpp"

@@ -6,7 +6,7 @@
 #include <nlohmann/json_fwd.hpp>
 #include <vector>
 
-#include "acquire/record/run_file.hpp"
+#include "acquire/record/fused_record.hpp"
 
 namespace echofuse::view {
 

@@ -18,8 +18,8 @@
 #include <utility>
 
 #include "acquire/record/follow.hpp"
-#include "acquire/record/run_file.hpp"
 #include "acquire/record/run_names.hpp"
+#include "acquire/record/run_reader.hpp"
 #include "drivers/util/console.hpp"
 #include "drivers/util/format.hpp"
 #include "drivers/util/new_file.hpp"

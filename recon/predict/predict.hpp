@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "acquire/record/run_file.hpp"
+#include "acquire/record/run_reader.hpp"
 #include "recon/metrics/metrics.hpp"
 #include "recon/predict/trained_model.hpp"
 

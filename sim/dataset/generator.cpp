@@ -10,7 +10,8 @@
 #include <utility>
 
 #include "acquire/measurement/depth_map.hpp"
-#include "acquire/record/run_file.hpp"
+#include "acquire/record/run_reader.hpp"
+#include "acquire/record/run_writer.hpp"
 #include "acquire/record/uuid.hpp"
 #include "acquire/record/written_run.hpp"
 #include "drivers/core/crc32c.hpp"

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Tests notes that are added to closed runs.
+#include "acquire/record/annotate.hpp"
+
 #include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>

@@ -8,6 +8,7 @@
 
 #include "../fixtures/full_disk.hpp"
 #include "acquire/measurement/depth_map.hpp"
+#include "acquire/record/annotate.hpp"
 #include "drivers/port/virtual_loop.hpp"
 #include "testing.hpp"
 

@@ -6,6 +6,7 @@
 #include <ctime>
 #include <thread>
 
+#include "acquire/record/annotate.hpp"
 #include "acquire/record/catalogue.hpp"
 #include "acquire/record/run_names.hpp"
 #include "testing.hpp"

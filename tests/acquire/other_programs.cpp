@@ -14,7 +14,10 @@
 #include <memory>
 #include <thread>
 
-#include "acquire/record/run_file.hpp"
+#include "acquire/record/annotate.hpp"
+#include "acquire/record/recover.hpp"
+#include "acquire/record/run_reader.hpp"
+#include "acquire/record/run_writer.hpp"
 #include "acquire/record/writer_lock.hpp"
 #include "testing.hpp"
 

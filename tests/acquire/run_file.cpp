@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: MIT
-#include "acquire/record/run_file.hpp"
-
 #include <signal.h>
 #include <sqlite3.h>
 #include <sys/resource.h>
@@ -10,6 +8,9 @@
 #include <memory>
 
 #include "acquire/record/network_file_system.hpp"
+#include "acquire/record/recover.hpp"
+#include "acquire/record/run_reader.hpp"
+#include "acquire/record/run_writer.hpp"
 #include "testing.hpp"
 
 using namespace echofuse;

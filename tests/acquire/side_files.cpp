@@ -10,6 +10,8 @@
 #include <csignal>
 
 #include "acquire/commands/commands.hpp"
+#include "acquire/record/annotate.hpp"
+#include "acquire/record/recover.hpp"
 #include "acquire/record/sqlite.hpp"
 #include "drivers/core/clock.hpp"
 #include "testing.hpp"

@@ -13,7 +13,7 @@
 #include "../fixtures/folder.hpp"
 #include "../fixtures/run.hpp"
 #include "../fixtures/shell.hpp"
-#include "acquire/record/run_file.hpp"
+#include "acquire/record/run_reader.hpp"
 #include "drivers/util/exit_code.hpp"
 
 namespace echofuse::test {

@@ -4,7 +4,7 @@
 #include "../catch.hpp"
 #include "../fixtures/folder.hpp"
 #include "../fixtures/run.hpp"
-#include "acquire/record/run_file.hpp"
+#include "acquire/record/run_reader.hpp"
 
 using namespace echofuse;
 using namespace echofuse::record;

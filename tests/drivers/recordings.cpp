@@ -14,7 +14,7 @@
 #include "../fixtures/paths.hpp"
 #include "../fixtures/record.hpp"
 #include "acquire/import/import.hpp"
-#include "acquire/record/run_file.hpp"
+#include "acquire/record/run_reader.hpp"
 #include "drivers/radar/frame_parser.hpp"
 
 using namespace echofuse;

@@ -3,7 +3,7 @@
 // A lower-case letter starts the bytes of a .npy file, and an upper-case letter starts a recipe for
 // a .npy file. run.toml may refer to the run base.sqlite.
 #include "acquire/import/import.hpp"
-#include "acquire/record/run_file.hpp"
+#include "acquire/record/run_reader.hpp"
 #include "files.hpp"
 
 using namespace echofuse;

@@ -5,7 +5,7 @@
 #include <spdlog/spdlog.h>
 
 #include "acquire/import/import.hpp"
-#include "acquire/record/run_file.hpp"
+#include "acquire/record/run_reader.hpp"
 #include "blocks.hpp"
 #include "files.hpp"
 

@@ -2,12 +2,11 @@
 // Input: a run file, then optionally its -wal (w) and -journal (j) in the format of files.hpp.
 // Reads everything that the commands info and reconstruct read. SQLite is not instrumented. Pages
 // of 512 bytes keep the inputs small.
-#include "acquire/record/run_file.hpp"
-
 #include <cmath>
 #include <limits>
 
 #include "../fixtures/record.hpp"
+#include "acquire/record/run_reader.hpp"
 #include "files.hpp"
 #include "recon/data/dataset.hpp"
 

@@ -24,7 +24,7 @@
 #include "../fixtures/run.hpp"
 #include "../fixtures/shell.hpp"
 #include "acquire/measurement/depth_map.hpp"
-#include "acquire/record/run_file.hpp"
+#include "acquire/record/fused_record.hpp"
 #include "drivers/core/random.hpp"
 #include "recon/predict/trained_model.hpp"
 

@@ -9,7 +9,7 @@
 #include "../catch.hpp"
 #include "../fixtures/folder.hpp"
 #include "../fixtures/shell.hpp"
-#include "acquire/record/run_file.hpp"
+#include "acquire/record/run_reader.hpp"
 
 namespace {
 

@@ -15,7 +15,7 @@
 #include "../fixtures/folder.hpp"
 #include "../fixtures/record.hpp"
 #include "acquire/measurement/depth_map.hpp"
-#include "acquire/record/run_file.hpp"
+#include "acquire/record/run_reader.hpp"
 #include "sim/sensors/radar_echo.hpp"
 
 using namespace echofuse;

@@ -6,7 +6,7 @@
 
 #include "../catch.hpp"
 #include "../fixtures/record.hpp"
-#include "acquire/record/run_file.hpp"
+#include "acquire/record/run_reader.hpp"
 #include "drivers/util/exit_code.hpp"
 #include "sim/dataset/generator.hpp"
 

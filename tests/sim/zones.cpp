@@ -4,7 +4,7 @@
 #include "../catch.hpp"
 #include "../fixtures/folder.hpp"
 #include "../fixtures/record.hpp"
-#include "acquire/record/run_file.hpp"
+#include "acquire/record/run_reader.hpp"
 #include "scenes.hpp"
 #include "sim/dataset/generator.hpp"
 #include "sim/sensors/optics.hpp"

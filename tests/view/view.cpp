@@ -6,7 +6,7 @@
 #include "../catch.hpp"
 #include "../fixtures/folder.hpp"
 #include "../fixtures/run.hpp"
-#include "acquire/record/run_file.hpp"
+#include "acquire/record/fused_record.hpp"
 #include "recon/live/access.hpp"
 #include "recon/live/followed_run.hpp"
 #include "recon/live/message.hpp"

@@ -19,7 +19,7 @@
 #include "../fixtures/folder.hpp"
 #include "../fixtures/laboratory.hpp"
 #include "../fixtures/record.hpp"
-#include "acquire/record/run_file.hpp"
+#include "acquire/record/run_reader.hpp"
 #include "drivers/util/exit_code.hpp"
 
 namespace echofuse::test {
