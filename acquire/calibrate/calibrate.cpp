@@ -230,8 +230,8 @@ class Measurement {
     return {.step_m = profile.range_step_m, .resolution_m = profile.resolution_m};
   }
   bool is_bridged() const { return !config_.radar.address.empty(); }
-  Peak echo(const Profiles& frames, std::size_t least = min_echo_frames) const {
-    return fit_echo(frames, echo_axis(), search_of(Sensor::radar), window_.window, least);
+  Peak echo(const Profiles& frames, std::size_t min_frames = min_echo_frames) const {
+    return fit_echo(frames, echo_axis(), search_of(Sensor::radar), window_.window, min_frames);
   }
   // Fits the echo of each repeat. The fit uses the window that was measured with the reflector, or
   // a Blackman window if that measurement failed.
@@ -360,7 +360,7 @@ ExitCode finish(const Measurement& measurement, const Config& config,
   bool refused = false;
   for (const CalibrationResult& r : results) {
     json["sensors"].push_back(json_of(r));
-    if (!options.json) say(r);
+    if (!options.json) print_text(r);
     refused = refused || !r.peak.refusal.empty();
   }
   const auto antennas = measurement.antennas();
@@ -374,8 +374,8 @@ ExitCode finish(const Measurement& measurement, const Config& config,
   for (const auto& [key, why] : unstated) json["unstated"][key] = why;
   for (const auto& [key, text] : response.meta()) json["response"][key] = text;
   if (response.radar.known()) json["lopsided"] = json_of(measurement.window());
-  if (!options.json) say(response, unstated);
-  if (!options.json && response.radar.known()) say(measurement.window());
+  if (!options.json) print_text(response, unstated);
+  if (!options.json && response.radar.known()) print_text(measurement.window());
   Calibration fresh =
       to_calibration(results, antennas, response, reflector, measurement.firmware(), clock);
   fresh.axes = axes_of(config, fresh, measurement.radar_axis());
@@ -444,9 +444,9 @@ CalibrateOptions with_stored_distance(CalibrateOptions options, const Calibratio
   if (!entry) entry = stored.find(Sensor::radar);
   if (!entry) return options;
   const bool across = entry->sensor == Sensor::radar && options.mounting == Mounting::detector;
-  const double beside_m = across ? stored.baseline_m : 0;
+  const double lateral_m = across ? stored.baseline_m : 0;
   options.search.distance_m =
-      std::sqrt(std::max(0.0, std::pow(entry->distance_m, 2) - std::pow(beside_m, 2)));
+      std::sqrt(std::max(0.0, std::pow(entry->distance_m, 2) - std::pow(lateral_m, 2)));
   return options;
 }
 

@@ -26,7 +26,7 @@ nlohmann::ordered_json json_of(const CalibrationResult& r) {
   return out;
 }
 
-void say(const CalibrationResult& r) {
+void print_text(const CalibrationResult& r) {
   const Peak& p = r.peak;
   if (!p.refusal.empty())
     std::printf("%-6s rejected: %s\n", name_of(r.sensor), printable(p.refusal).c_str());
@@ -52,10 +52,10 @@ nlohmann::ordered_json json_of(const WindowFit& fit) {
           {"standard_error", fit.lopsided.standard_error}};
 }
 
-void say(const WindowFit& fit) {
-  constexpr double least = 0.02, min_errors = 4;
+void print_text(const WindowFit& fit) {
+  constexpr double min_difference = 0.02, min_errors = 4;
   const auto& [difference, error] = fit.lopsided;
-  if (std::abs(difference) < std::max(least, min_errors * error)) return;
+  if (std::abs(difference) < std::max(min_difference, min_errors * error)) return;
   std::printf(
       "radar  asymmetric response: the %s flank is higher by up to %.1f +- %.1f %% of the peak; "
       "both flanks are stored. If this value changes when the reflector is moved, there is a "
@@ -63,7 +63,7 @@ void say(const WindowFit& fit) {
       difference > 0 ? "far" : "near", 100 * std::abs(difference), 100 * error);
 }
 
-void say(const record::Response& r, const Unstated& unstated) {
+void print_text(const record::Response& r, const Unstated& unstated) {
   if (r.irf_fwhm_ps.value > 0)
     std::printf("spd    impulse response %.1f +- %.1f ps FWHM", r.irf_fwhm_ps.value,
                 r.irf_fwhm_ps.standard_error);

@@ -31,11 +31,11 @@ using Unstated = std::map<std::string, std::string>;
 
 nlohmann::ordered_json json_of(const CalibrationResult& result);
 nlohmann::ordered_json json_of(const AntennaFit& fit);
-void say(const CalibrationResult& result);
+void print_text(const CalibrationResult& result);
 nlohmann::ordered_json json_of(const WindowFit& fit);
 // Prints the asymmetry of the radar response if it is significant.
-void say(const WindowFit& fit);
+void print_text(const WindowFit& fit);
 // Prints the measured response and the reason for each missing value.
-void say(const record::Response& response, const Unstated& unstated);
+void print_text(const record::Response& response, const Unstated& unstated);
 
 }  // namespace echofuse::acquire

@@ -307,10 +307,10 @@ Profile profile_of(const Profiles& frames) {
 
 std::vector<double> log2_powers(std::span<const float> power) {
   constexpr double min_share = 1e-8;
-  const double most = power.empty() ? 0 : *std::max_element(power.begin(), power.end());
-  const double least = std::max(min_share * most, 1e-30);
+  const double max_power = power.empty() ? 0 : *std::max_element(power.begin(), power.end());
+  const double min_power = std::max(min_share * max_power, 1e-30);
   std::vector<double> out;
-  for (const float p : power) out.push_back(std::log2(std::max(double{p}, least)));
+  for (const float p : power) out.push_back(std::log2(std::max(double{p}, min_power)));
   return out;
 }
 
@@ -377,10 +377,10 @@ bool saturated(const Profiles& frames, std::size_t top) {
 }  // namespace
 
 Peak fit_echo(const Profiles& frames, const EchoAxis& axis, const Search& search,
-              const Window& window, std::size_t least) {
+              const Window& window, std::size_t min_frames) {
   Peak peak;
-  if (frames.size() < least) {
-    peak.refusal = "no peak: fewer than " + std::to_string(least) + " frames received";
+  if (frames.size() < min_frames) {
+    peak.refusal = "no peak: fewer than " + std::to_string(min_frames) + " frames received";
     return peak;
   }
   if (frames[0].size() < min_bins) {

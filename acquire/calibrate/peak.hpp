@@ -53,17 +53,17 @@ struct Profile {
 
 Profile profile_of(const Profiles& frames);
 
-// Radar: fits the range of an echo to range profiles. Needs at least max(`least`, 2) frames. Fits
-// the transform of the window by least squares, weighted with the power, to the mean log power of
-// five bins: the strongest one and two on each side. The amplitude is also fitted. The default is
-// the Blackman window of the firmware (SDK 3.x, mmwDemo_genWindow; Harris, Proc. IEEE 66, 1978). In
-// the model, the mean of ln power for a signal P in noise N is ln P + E1(P / N); N is derived from
-// the median of the profile. If the resolution is unknown, the range is the vertex of a parabola
-// through the logarithms of three bins. The standard error is derived from the scatter of the
-// frames. The quantisation error of the firmware's codes is added unless noise averages it out.
+// Radar: fits the range of an echo to range profiles. Needs at least max(`min_frames`, 2) frames.
+// Fits the transform of the window by least squares, weighted with the power, to the mean log power
+// of five bins: the strongest one and two on each side. The amplitude is also fitted. The default
+// is the Blackman window of the firmware (SDK 3.x, mmwDemo_genWindow; Harris, Proc. IEEE 66, 1978).
+// In the model, the mean of ln power for a signal P in noise N is ln P + E1(P / N); N is derived
+// from the median of the profile. If the resolution is unknown, the range is the vertex of a
+// parabola through the logarithms of three bins. The standard error is derived from the scatter of
+// the frames. The quantisation error of the firmware's codes is added unless noise averages it out.
 inline constexpr std::size_t min_echo_frames = 8;
 Peak fit_echo(const Profiles& frames, const EchoAxis& axis, const Search& search,
-              const Window& window = {}, std::size_t least = min_echo_frames);
+              const Window& window = {}, std::size_t min_frames = min_echo_frames);
 
 inline double spread_of(const std::vector<double>& values) {
   if (values.size() < 2) return 0;

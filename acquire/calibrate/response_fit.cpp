@@ -34,13 +34,13 @@ struct Problem {
   std::function<VectorXd(const VectorXd&)> model;
   std::function<VectorXd(const VectorXd&)> weights;  // weights of the data for given model values
   std::function<double(const VectorXd&)> chi2;       // chi2 for given model values
-  VectorXd measured, least, most;
+  VectorXd measured, lower, upper;
 };
 
 Fitted minimise(const Problem& problem, VectorXd at) {
   constexpr int steps = 100;
   const auto clamped = [&](const VectorXd& p) {
-    return VectorXd(p.cwiseMax(problem.least).cwiseMin(problem.most));
+    return VectorXd(p.cwiseMax(problem.lower).cwiseMin(problem.upper));
   };
   at = clamped(at);
   VectorXd value = problem.model(at);
@@ -60,7 +60,7 @@ Fitted minimise(const Problem& problem, VectorXd at) {
     for (Index k = 0; k < at.size();
          ++k)  // holds parameters at a bound if the step would exceed it
       if (const double g = slope.col(k).dot(pull);
-          (g < 0 && at[k] <= problem.least[k]) || (g > 0 && at[k] >= problem.most[k]))
+          (g < 0 && at[k] <= problem.lower[k]) || (g > 0 && at[k] >= problem.upper[k]))
         slope.col(k).setZero();
     information = slope.transpose() * weights.asDiagonal() * slope;
     const VectorXd gradient = slope.transpose() * pull;
@@ -131,10 +131,10 @@ Fitted fit_counts(const VectorXd& counts, VectorXd start) {
     return sum;
   };
   const auto widest = std::log(static_cast<double>(bins));
-  problem.least = VectorXd(6), problem.most = VectorXd(6);
-  problem.least << 0, -1, 0, -12, 0, -1;
-  problem.most << static_cast<double>(bins), widest, 30, 20, 1, widest;
-  problem.least.conservativeResize(size), problem.most.conservativeResize(size);
+  problem.lower = VectorXd(6), problem.upper = VectorXd(6);
+  problem.lower << 0, -1, 0, -12, 0, -1;
+  problem.upper << static_cast<double>(bins), widest, 30, 20, 1, widest;
+  problem.lower.conservativeResize(size), problem.upper.conservativeResize(size);
   return minimise(problem, std::move(start));
 }
 
@@ -204,10 +204,10 @@ double fault_of(std::span<const double> terms) {
 Index free_bins(const VectorXd& power, Index top, Index side, Index reach, double noise) {
   const auto at = [&](Index i) { return i >= 0 && i < power.size() ? power[i] : -1; };
   for (Index k = 1; k <= reach; ++k) {
-    double most = 0;
-    for (Index i = k - 1; i <= reach; ++i) most = std::max(most, at(top - side * i));
+    double maximum = 0;
+    for (Index i = k - 1; i <= reach; ++i) maximum = std::max(maximum, at(top - side * i));
     const double here = at(top + side * k);
-    if (here < 0 || here > 3 * most + 4 * noise) return k - 1;
+    if (here < 0 || here > 3 * maximum + 4 * noise) return k - 1;
   }
   return reach;
 }
@@ -334,17 +334,17 @@ class EchoFit {
   }
   void try_from(VectorXd start) {
     constexpr double max_rad = 12;
-    problem_.least = VectorXd::Constant(start.size(), -0.5);
-    problem_.most = VectorXd::Constant(start.size(), 2.2);
+    problem_.lower = VectorXd::Constant(start.size(), -0.5);
+    problem_.upper = VectorXd::Constant(start.size(), 2.2);
     const double rad = start[skew] == 0 ? 0 : max_rad, at = static_cast<double>(top_);
-    problem_.least.head(terms) << at - 1, highest_ - 3, 0, -rad;
-    problem_.most.head(terms) << at + 1, highest_ + 3, 1, rad;
+    problem_.lower.head(terms) << at - 1, highest_ - 3, 0, -rad;
+    problem_.upper.head(terms) << at + 1, highest_ + 3, 1, rad;
     if (Fitted f = minimise(problem_, std::move(start)); cost_of(f) < cost_of(best))
       best = std::move(f);
   }
   void add_terms() {
-    const Index most = std::min(terms + max_terms, count_ - 2);
-    for (Index size = 0; size < best.parameters.size() && best.parameters.size() < most;) {
+    const Index max_size = std::min(terms + max_terms, count_ - 2);
+    for (Index size = 0; size < best.parameters.size() && best.parameters.size() < max_size;) {
       const VectorXd last = best.parameters;
       size = last.size() + 1;
       for (const double term : {0., 0.3}) {
@@ -378,11 +378,12 @@ double peak_of(const Lobe& lobe) {
 // between the flanks.
 VectorXd shape_of(const Window& window) {
   const Lobe lobe(window);
-  const double peak = window.skew_rad == 0 ? 0 : peak_of(lobe), most = lobe.power(peak);
+  const double peak = window.skew_rad == 0 ? 0 : peak_of(lobe), peak_power = lobe.power(peak);
   VectorXd out(2 * flank_taps + 2);
   for (Index k = 0; k < flank_taps; ++k) {
     const double u = static_cast<double>(k + 1) / record::RadarResponse::taps_a_cell;
-    out[k] = lobe.power(peak + u) / most, out[flank_taps + k] = lobe.power(peak - u) / most;
+    out[k] = lobe.power(peak + u) / peak_power,
+    out[flank_taps + k] = lobe.power(peak - u) / peak_power;
   }
   const VectorXd odd = out.head(flank_taps) - out.segment(flank_taps, flank_taps);
   Index largest = 0;

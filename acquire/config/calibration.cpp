@@ -76,14 +76,14 @@ std::string text_of(const std::vector<double>& values) {
   return out;
 }
 
-// Parses 1 to 12 numbers, each between `least` and `most`. Returns an empty list if the string is
-// invalid.
-std::vector<double> values_of(const std::string& text, double least, double most) {
+// Parses 1 to 12 numbers, each between `minimum` and `maximum`. Returns an empty list if the string
+// is invalid.
+std::vector<double> values_of(const std::string& text, double minimum, double maximum) {
   std::vector<double> out;
   std::istringstream words(text);
   words.imbue(std::locale::classic());
   for (double v = 0; words >> v; out.push_back(v))
-    if (!(v >= least && v <= most)) return {};
+    if (!(v >= minimum && v <= maximum)) return {};
   return words.eof() && out.size() <= record::max_antennas ? out : std::vector<double>{};
 }
 

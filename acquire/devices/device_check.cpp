@@ -173,10 +173,10 @@ ExitCode list_devices(const std::optional<Config>& config, port::Loop& loop, boo
   if (!json) print(text_of(all["attached"], camera_fault));
   if (!json) print("processor: " + instruction_set());
   std::fflush(stdout);
-  SampleSink nobody;
+  SampleSink no_sink;
   bool ok = true;
   for (const Answer& answer :
-       config ? ask(*config, loop, "devices", nobody) : std::vector<Answer>{}) {
+       config ? ask(*config, loop, "devices", no_sink) : std::vector<Answer>{}) {
     ok = ok && answer.delivers;
     all["configured"].push_back(to_json(answer));
     if (!json) print(text_of(answer));

@@ -174,8 +174,8 @@ void Devices::on_state(Sensor sensor, DeviceState state, const DeviceInfo& info)
 }
 
 void Devices::abandon() {
-  static SampleSink nobody;
-  next_ = &nobody;
+  static SampleSink no_sink;
+  next_ = &no_sink;
   halt();
 }
 

@@ -25,12 +25,12 @@ constexpr std::size_t max_points = 1u << 24, max_pixels = 1u << 23;
 // Returns the smallest factor up to 1000 by which all counts become whole numbers, or 0 if there is
 // no such factor. If the counts are means of f exposures, the factor is f.
 std::uint32_t factor_of(const std::vector<double>& counts) {
-  constexpr std::uint32_t most = 1000;
+  constexpr std::uint32_t max_factor = 1000;
   constexpr double rounding = 1e-6;  // relative rounding error of a float
   const auto whole = [](double v, double count) {
     return std::abs(v - std::round(v)) <= rounding * std::max(100.0, v) && (v >= 0.5 || count == 0);
   };
-  for (std::uint32_t factor = 1; factor <= most; ++factor)
+  for (std::uint32_t factor = 1; factor <= max_factor; ++factor)
     if (std::ranges::all_of(counts, [&](double count) { return whole(factor * count, count); }))
       return factor;
   return 0;
@@ -163,10 +163,10 @@ std::unique_ptr<NpyFile> ArrayFolder::open(const char* name, std::size_t dimensi
     refuse(*file, "its shape is " + file->shape_text() + "; expected " +
                       std::to_string(dimensions) + " dimensions, one row per record" +
                       (zones ? ", or 3: [records, zones, bins]" : ""));
-  const std::size_t most = std::string(name) == "depth.npy" ? max_pixels : max_points;
-  if (file->row_size() > most)
+  const std::size_t max_size = std::string(name) == "depth.npy" ? max_pixels : max_points;
+  if (file->row_size() > max_size)
     refuse(*file, "has " + std::to_string(file->row_size()) +
-                      " values per record; expected at most " + std::to_string(most));
+                      " values per record; expected at most " + std::to_string(max_size));
   if (!first_) first_ = newest_ = path, rows_ = file->rows();
   if (fs::last_write_time(path) > fs::last_write_time(newest_)) newest_ = path;
   if (file->rows() != rows_)
@@ -243,17 +243,17 @@ void ArrayFolder::require_shapes(const std::vector<Axis>& axes) const {
 
 std::int64_t ArrayFolder::next_index() {
   return static_cast<std::int64_t>(
-      index_ ? next_whole(*index_, static_cast<double>(record::max_index)) : row_);
+      index_ ? next_integer(*index_, static_cast<double>(record::max_index)) : row_);
 }
 
 // Returns the only value of the next row. Throws Error(failed) if it is not a whole number between
-// 0 and `most`.
-std::uint64_t ArrayFolder::next_whole(NpyFile& file, double most) const {
+// 0 and `maximum`.
+std::uint64_t ArrayFolder::next_integer(NpyFile& file, double maximum) const {
   const double value = file.next_row().at(0);
-  if (value >= 0 && value <= most && value == std::floor(value))
+  if (value >= 0 && value <= maximum && value == std::floor(value))
     return static_cast<std::uint64_t>(value);
   refuse(file, "row " + std::to_string(row_) + " has " + std::to_string(value) +
-                   "; expected a whole number from 0 to " + std::to_string(std::llround(most)));
+                   "; expected a whole number from 0 to " + std::to_string(std::llround(maximum)));
 }
 
 void ArrayFolder::take_row(record::FusedRecord& r) {
@@ -270,7 +270,7 @@ void ArrayFolder::take_row(record::FusedRecord& r) {
   if (depth_) put_depth(r);
   if (valid_) {
     constexpr double all_bits = 7;
-    const auto bits = static_cast<std::uint32_t>(next_whole(*valid_, all_bits));
+    const auto bits = static_cast<std::uint32_t>(next_integer(*valid_, all_bits));
     for (const Sensor s : all_sensors)
       if (r.has(s) && !SensorSet::from_bits(bits).contains(s))
         r.valid.erase(s), r.sync[s].verdict = {};
@@ -279,12 +279,12 @@ void ArrayFolder::take_row(record::FusedRecord& r) {
 }
 
 // Returns the values of the next row; empty if all are NaN. Throws Error(failed) if a value is
-// below `least`, which is negative for power because noise subtraction can make power negative.
-std::vector<double> ArrayFolder::read(NpyFile& file, double least, const char* what) const {
+// below `minimum`, which is negative for power because noise subtraction can make power negative.
+std::vector<double> ArrayFolder::read(NpyFile& file, double minimum, const char* what) const {
   std::vector<double> values = file.next_row();
   if (std::ranges::all_of(values, [](double v) { return std::isnan(v); })) return {};
   const auto bad =
-      std::ranges::find_if(values, [&](double v) { return !(v >= least && v < 1e30); });
+      std::ranges::find_if(values, [&](double v) { return !(v >= minimum && v < 1e30); });
   if (bad == values.end()) return values;
   refuse(file, "row " + std::to_string(row_) + " has " + std::to_string(*bad) + "; expected " +
                    what + ", or NaN in the whole row for a missing sensor");

@@ -60,8 +60,8 @@ class ArrayFolder {
   std::unique_ptr<NpyFile> open(const char* name, std::size_t dimensions);
   Zones stated_zones() const;
   [[noreturn]] void refuse(const NpyFile& file, const std::string& what) const;
-  std::vector<double> read(NpyFile& file, double least, const char* what) const;
-  std::uint64_t next_whole(NpyFile& file, double most) const;
+  std::vector<double> read(NpyFile& file, double minimum, const char* what) const;
+  std::uint64_t next_integer(NpyFile& file, double maximum) const;
   void put_counts(record::FusedRecord& r);
   void put_power(record::FusedRecord& r);
   void put_depth(record::FusedRecord& r);

@@ -29,8 +29,8 @@ std::string fixed(double value) { return format("%.2f", value); }
 struct Entry {
   std::size_t frame;  // index of the frame in the recording
   FrameHeader header;
-  bool stands = false;  // true: the clock shows the same time as in the previous frame
-  bool member = false;  // true: the frame belongs to a valid chain
+  bool clock_stopped = false;  // true: the clock shows the same time as in the previous frame
+  bool member = false;         // true: the frame belongs to a valid chain
   // The best chain that ends here: number of frames, twice this number minus the number of frames
   // that it leaves out, and sum of the clock deviations.
   std::uint64_t length = 1;
@@ -84,8 +84,8 @@ class Fit {
       times_.copy[i] = repeats || !seen.emplace(f.position, f.cycles).second;
       times_.copies += times_.copy[i];
       if (times_.copy[i]) continue;
-      const bool stands = last && f.cycles == last->cycles;
-      entries_.push_back({.frame = i, .header = f, .stands = stands});
+      const bool clock_stopped = last && f.cycles == last->cycles;
+      entries_.push_back({.frame = i, .header = f, .clock_stopped = clock_stopped});
     }
   }
 
@@ -198,7 +198,7 @@ class Fit {
     std::vector<double> out;
     for (std::size_t i = 1; i < entries_.size(); ++i) {
       const Entry &a = entries_[i - 1], &b = entries_[i];
-      if (!b.stands && steps(a, b) - 1 < usual() &&
+      if (!b.clock_stopped && steps(a, b) - 1 < usual() &&
           (!of_members || (a.member && b.member && b.previous == i - 1)))
         out.push_back(tick_s * (b.header.cycles - a.header.cycles) / steps(a, b));
     }
@@ -211,10 +211,10 @@ class Fit {
     const double stated_s = period_s_;
     const std::uint64_t as_stated = members();
     const std::vector<double> all = found_periods(false);
-    std::ptrdiff_t most = 0;
+    std::ptrdiff_t longest = 0;
     for (auto end = all.begin(), begin = all.begin(); end != all.end(); ++end) {
       while (*begin < 0.95 * *end) ++begin;
-      if (end - begin >= most) most = end - begin, period_s_ = *(begin + most / 2);
+      if (end - begin >= longest) longest = end - begin, period_s_ = *(begin + longest / 2);
     }
     find_chains();
     if (members() <= as_stated) period_s_ = stated_s, find_chains();
@@ -278,11 +278,11 @@ class Fit {
       return;
     }
     const std::optional<double> link = link_s(from, to);
-    const double step_s = link          ? *link
-                          : from.stands ? steps(from, to) * period_s_
-                                        : tick_s * (to.header.cycles - from.header.cycles);
+    const double step_s = link                 ? *link
+                          : from.clock_stopped ? steps(from, to) * period_s_
+                                               : tick_s * (to.header.cycles - from.header.cycles);
     to.at_s = from.at_s + step_s;
-    if (!link && !from.stands)
+    if (!link && !from.clock_stopped)
       times_.paused.add("between frames " + name(from) + " and " + name(to) + " at " +
                         fixed(from.at_s) + " s by " + fixed(step_s) + " s + n x 21.47 s");
     place(from, entries_between(last + 1, first), &to);
@@ -307,9 +307,9 @@ class Fit {
     for (const Entry& e : entries_) {
       if (e.member)
         where = " after " + fixed(e.at_s) + " s";
-      else if (!e.stands)
+      else if (!e.clock_stopped)
         (e.by_number ? times_.times : times_.numbers).add("frame " + name(e) + where);
-      if (e.stands) times_.stood.add("frame " + name(e));
+      if (e.clock_stopped) times_.stopped.add("frame " + name(e));
       times_.at[e.frame] = at = std::max(at, HostTime(from_seconds(e.at_s)));
     }
   }
@@ -327,8 +327,9 @@ class Fit {
 }  // namespace
 
 void Irregularity::add(const std::string& place) {
-  constexpr std::uint64_t most = 5;
-  if (++count <= most + 1) places += (count == 1 ? "" : ", ") + (count <= most ? place : "...");
+  constexpr std::uint64_t max_places = 5;
+  if (++count <= max_places + 1)
+    places += (count == 1 ? "" : ", ") + (count <= max_places ? place : "...");
 }
 
 FrameTimes fit_times(const std::vector<FrameHeader>& frames, std::uint32_t subframes,

@@ -39,7 +39,7 @@ struct FrameTimes {
   std::vector<bool> copy;
   std::vector<std::uint32_t> lost;  // number of frames missing before each member of a chain
   // `times` and `numbers`: frames with an impossible clock reading or number
-  Irregularity restarts, paused, times, numbers, stood;
+  Irregularity restarts, paused, times, numbers, stopped;
   std::uint64_t copies = 0;
   double period_s = 0;  // measured time between positions; 0: not measured
 };

@@ -231,7 +231,7 @@ std::string import_recordings(Config config, const ImportOptions& options) {
   constexpr const char* local_time =
       "start time: taken from the PicoQuant file as local time of this machine; set it "
       "with --began UTC";
-  constexpr const char* local_time_twice =
+  constexpr const char* ambiguous_local_time =
       "start time: taken from the PicoQuant file as local time, which occurred twice at the end of "
       "summer time; the true start may be an hour later; set it with --began UTC";
   for (const std::string& path : options.files) {
@@ -250,7 +250,7 @@ std::string import_recordings(Config config, const ImportOptions& options) {
       config.histogram.start_channel = options.start;
       config.histogram.click_channel = options.click;
       auto tags = std::make_unique<PicoquantTags>(path, config.histogram);
-      begins(tags->began(), tags->began_twice() ? local_time_twice : local_time);
+      begins(tags->began(), tags->has_ambiguous_start() ? ambiguous_local_time : local_time);
       recordings[Sensor::spd] = std::move(tags);
     } else {
       refuse_kind(path, kind);

@@ -82,8 +82,8 @@ void ImportedRun::put(record::FusedRecord record) {
     batch_bytes_ += as_bytes(record.*column.values).size();
   });
   batch_.push_back(std::move(record));
-  if (constexpr std::size_t most = 256, max_bytes = 4 << 20;
-      batch_.size() == most || batch_bytes_ > max_bytes)
+  if (constexpr std::size_t max_records = 256, max_bytes = 4 << 20;
+      batch_.size() == max_records || batch_bytes_ > max_bytes)
     flush();
 }
 

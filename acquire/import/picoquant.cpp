@@ -55,11 +55,11 @@ PicoquantRecords::PicoquantRecords(std::uint32_t type, double global_resolution_
   // The offset is in ns, as in .pt3 and .ht3 files. This also holds for the PicoHarp, although its
   // library uses ps.
   if (t3_ && offset > 0 && offset < 1e9) offset_ps_ = offset * 1000;
-  once_ = pico_harp_ || (device == 4 && type >> 24 == 0);
-  wrap_ = pico_harp_ ? (t3_ ? 65536u : 210'698'240u)
-          : t3_      ? 1024u
-          : once_    ? 33'552'000u
-                     : 33'554'432u;
+  single_overflow_ = pico_harp_ || (device == 4 && type >> 24 == 0);
+  wrap_ = pico_harp_         ? (t3_ ? 65536u : 210'698'240u)
+          : t3_              ? 1024u
+          : single_overflow_ ? 33'552'000u
+                             : 33'554'432u;
   const auto possible = [](long double ps) { return ps > 0 && ps <= ps_per_s; };
   if (!possible(unit_ps_) || (t3_ && !possible(dtime_ps_)))
     throw Error(ExitCode::failed,
@@ -90,7 +90,7 @@ bool PicoquantRecords::add(std::uint32_t record, std::vector<Tag>& out) {
       ++channel;
   }
   if (overflow) {
-    base_ += wrap_ * (once_ ? 1 : std::max(unit, 1u));
+    base_ += wrap_ * (single_overflow_ ? 1 : std::max(unit, 1u));
     return base_ >> 62 == 0 && overflowed_ps() <= longest_ps;
   }
   if (special) {
@@ -156,7 +156,7 @@ DeviceInfo PicoquantTags::device() const { return device_of(*file_); }
 
 std::optional<UtcTime> PicoquantTags::began() const { return file_->time("File_CreatingTime"); }
 
-bool PicoquantTags::began_twice() const { return file_->is_repeated("File_CreatingTime"); }
+bool PicoquantTags::has_ambiguous_start() const { return file_->is_repeated("File_CreatingTime"); }
 
 // Appends the tags of the next record. Returns false at the end of the data.
 bool PicoquantTags::read_record() {

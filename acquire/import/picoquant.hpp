@@ -57,7 +57,7 @@ class PicoquantRecords {
 
  private:
   bool put(std::int32_t channel, std::uint64_t unit, std::uint64_t dtime, std::vector<Tag>& out);
-  bool pico_harp_ = false, t3_ = false, once_ = false;
+  bool pico_harp_ = false, t3_ = false, single_overflow_ = false;
   std::uint64_t wrap_ = 0, base_ = 0, markers_ = 0, behind_period_ = 0;
   long double offset_ps_ = 0;
   std::uint64_t pulse_ = ~std::uint64_t{0};  // number of the last pulse with a start tag
@@ -80,7 +80,7 @@ class PicoquantTags final : public Recording {
   std::vector<std::string> doubts() const override;
   std::optional<UtcTime> began() const;  // start time, converted from the local time in the file
   // Returns true if the local start time occurred twice because summer time ended.
-  bool began_twice() const;
+  bool has_ambiguous_start() const;
 
  private:
   struct File;

@@ -128,9 +128,10 @@ std::vector<std::string> RadarRecording::doubts() const {
   add(times_.restarts, " restarts of the board", ": the gaps have unknown length and are omitted");
   add(times_.paused, " gaps in which the board's clock may have wrapped",
       ": their lengths are ambiguous; the shortest possible ones are used");
-  if (const Irregularity& stood = times_.stood; stood.count > 0)
-    out.push_back("the board's clock stands still in " + std::to_string(stood.count) + " frames (" +
-                  stood.places + "): their times are computed from the frame numbers");
+  if (const Irregularity& stopped = times_.stopped; stopped.count > 0)
+    out.push_back("the board's clock stands still in " + std::to_string(stopped.count) +
+                  " frames (" + stopped.places +
+                  "): their times are computed from the frame numbers");
   add(times_.times, " frames have impossible times",
       ": their times are computed from the frame numbers");
   add(times_.numbers, " frames have impossible numbers",

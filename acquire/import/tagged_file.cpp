@@ -27,8 +27,8 @@ constexpr std::size_t max_tags = 100'000, longest_text = 4096;
 
 bool is_long(std::uint32_t type) { return (type & 0xffff) == 0xffff; }
 
-std::string until_nul(const char* bytes, std::size_t most) {
-  return {bytes, std::find(bytes, bytes + most, '\0')};
+std::string until_nul(const char* bytes, std::size_t max_length) {
+  return {bytes, std::find(bytes, bytes + max_length, '\0')};
 }
 
 }  // namespace
@@ -84,10 +84,10 @@ double TaggedFile::require(const std::string& name) const {
   throw Error(ExitCode::failed, printable(path_) + ": has no header tag " + name);
 }
 
-std::int64_t TaggedFile::whole(const std::string& name, std::int64_t least,
-                               std::int64_t most) const {
+std::int64_t TaggedFile::whole(const std::string& name, std::int64_t minimum,
+                               std::int64_t maximum) const {
   const double value = require(name);
-  if (value >= static_cast<double>(least) && value <= static_cast<double>(most))
+  if (value >= static_cast<double>(minimum) && value <= static_cast<double>(maximum))
     return static_cast<std::int64_t>(value);
   throw Error(ExitCode::failed,
               printable(path_) + ": invalid " + name + ": " + std::to_string(value));

@@ -27,8 +27,8 @@ class TaggedFile {
   // Returns the number in a tag. If it is missing, throws Error(failed) with the name of the tag.
   double require(const std::string& name) const;
   // Returns the number in a tag as an integer. Throws Error(failed) if it is missing or not between
-  // `least` and `most`.
-  std::int64_t whole(const std::string& name, std::int64_t least, std::int64_t most) const;
+  // `minimum` and `maximum`.
+  std::int64_t whole(const std::string& name, std::int64_t minimum, std::int64_t maximum) const;
   std::string text(const std::string& name) const;  // text of the tag; empty if the tag is missing
   // Returns the time in a tag. The file contains local time in days since 1899-12-30, which is
   // interpreted in the time zone of this machine. Returns no value if the tag is missing or its

@@ -110,19 +110,19 @@ void ClockFit::take(const ClockSample& sample) {
     }
     return fit();
   }
-  Least& least = history_.back();
-  ++least.samples;
+  IntervalMinimum& interval = history_.back();
+  ++interval.samples;
   const auto delay = [this](const ClockSample& s) { return s.excess_s - line(s.device_s); };
-  if (stretch < least.stretch || delay(sample) >= delay(least.sample)) return;
-  least.sample = sample;
+  if (stretch < interval.stretch || delay(sample) >= delay(interval.sample)) return;
+  interval.sample = sample;
   fit();
 }
 
 void ClockFit::fit() {
   std::vector<ClockSample> hull;  // lower convex hull, by Andrew's monotone chain
   double middle_s = 0;
-  for (const Least& least : history_) {
-    const ClockSample& p = least.sample;
+  for (const IntervalMinimum& interval : history_) {
+    const ClockSample& p = interval.sample;
     const auto needless = [&] {
       const ClockSample &a = hull[hull.size() - 2], &b = hull.back();
       return (b.excess_s - a.excess_s) * (p.device_s - a.device_s) >=
@@ -146,8 +146,8 @@ void ClockFit::fit() {
   for (const ClockSample& p : hull)
     intercept_s_ = std::min(intercept_s_, p.excess_s - slope_ * p.device_s);
   residual_s_ = 0;
-  for (const Least& least : history_)
-    residual_s_ += (least.sample.excess_s - line(least.sample.device_s)) /
+  for (const IntervalMinimum& interval : history_)
+    residual_s_ += (interval.sample.excess_s - line(interval.sample.device_s)) /
                    static_cast<double>(history_.size());
 }
 

@@ -61,7 +61,7 @@ class ClockFit {
     double device_s;  // device time since the start of the history
     double excess_s;  // host time since the start of the history, minus device_s
   };
-  struct Least {  // least delayed sample in a half-second interval of the history
+  struct IntervalMinimum {  // least delayed sample in a half-second interval of the history
     ClockSample sample;
     std::int64_t stretch;
     std::uint64_t samples;
@@ -88,8 +88,8 @@ class ClockFit {
   Receipt last_;                 // last sample that was used
   std::int64_t last_ticks_ = 0;  // device time of last_ since the start of the history, in ticks
   double newest_s_ = 0;
-  std::deque<Least> history_;  // empty before the first sample
-  std::uint64_t samples_ = 0;  // number of samples in the history
+  std::deque<IntervalMinimum> history_;  // empty before the first sample
+  std::uint64_t samples_ = 0;            // number of samples in the history
   double intercept_s_ = 0, slope_ = 0, residual_s_ = 0;
   double edge_slope_ = 0;  // fitted slope before clipping; slope_ is the clipped slope
   std::optional<Receipt> suspect_;

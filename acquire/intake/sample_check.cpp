@@ -40,10 +40,10 @@ void SampleCheck::once(bool& reported, Sensor sensor, const std::string& text) {
 }
 
 bool SampleCheck::take(HistogramFrame& frame) {
-  const double most = record::max_clicks_per_s * 1e-6 * frame.exposure_us;
+  const double max_clicks = record::max_clicks_per_s * 1e-6 * frame.exposure_us;
   const auto highest = std::ranges::max_element(frame.counts);
   if (highest != frame.counts.end() &&
-      (*highest > most || *highest == std::numeric_limits<std::uint32_t>::max())) {
+      (*highest > max_clicks || *highest == std::numeric_limits<std::uint32_t>::max())) {
     once(impossible_reported_, Sensor::spd,
          "bin " + std::to_string(highest - frame.counts.begin()) + " contains " +
              std::to_string(*highest) + " counts in an exposure of " +

@@ -81,7 +81,7 @@ std::optional<double> SignalCheck::Reference::add(double strength, std::size_t a
   return median_;
 }
 
-Verdict SignalCheck::beside_reference(Sensor sensor, double strength, const char* what) {
+Verdict SignalCheck::compare_with_reference(Sensor sensor, double strength, const char* what) {
   const auto usual = references_[sensor].add(strength, reference_records_);
   if (!usual || strength >= limits_.weak_share * *usual) return ok_verdict;
   return {VerdictKind::weak, format("%s is %.2g times its median in the first minute of the run",
@@ -92,12 +92,12 @@ Verdict SignalCheck::assess_spd(record::FusedRecord& r, const Axis& axis) {
   bool even = true;  // true if no zone has a peak
   // Number of clicks above the background, number of all clicks, and number of clicks in the
   // brightest zone.
-  double clicks = 0, all = 0, most = 0;
+  double clicks = 0, all = 0, brightest = 0;
   for (auto from = r.spd.begin(); from < r.spd.end(); from += axis.count) {
     const std::vector<std::uint32_t> zone(from, from + axis.count);
     const double sum = std::accumulate(zone.begin(), zone.end(), 0.0);
     clicks += sum - static_cast<double>(median(zone)) * axis.count;
-    all += sum, most = std::max(most, sum);
+    all += sum, brightest = std::max(brightest, sum);
     even = even && is_even(zone);
   }
   clicks = std::max(0.0, clicks);
@@ -105,15 +105,15 @@ Verdict SignalCheck::assess_spd(record::FusedRecord& r, const Axis& axis) {
   r.signal.spd_clicks = clicks;
   if (!even)
     r.signal.spd_peak_m = (axis.start + (static_cast<double>(top) + 0.5) * axis.step) / ps_per_m;
-  const Verdict beside = beside_reference(Sensor::spd, clicks, "light level");
+  const Verdict compared = compare_with_reference(Sensor::spd, clicks, "light level");
   const bool repeats = r.spd == last_spd_ && r.spd_counts.in_range > 0;
   last_spd_ = r.spd;
   if (repeats) return still("bin");
-  const double a_pulse = r.signal.clicks_per_pulse.value_or(0) * (all > 0 ? most / all : 1);
+  const double a_pulse = r.signal.clicks_per_pulse.value_or(0) * (all > 0 ? brightest / all : 1);
   if (limits_.clicks_per_pulse > 0 && a_pulse > limits_.clicks_per_pulse)
     return {VerdictKind::saturated,
             format("%.3g clicks per laser pulse%s (limit %.3g)", a_pulse,
-                   most < all ? " in the brightest zone" : "", limits_.clicks_per_pulse) +
+                   brightest < all ? " in the brightest zone" : "", limits_.clicks_per_pulse) +
                 swap_question(r.spd_counts)};
   const TagCounts& c = r.spd_counts;
   if (even && c.out_of_range > c.in_range)
@@ -128,7 +128,7 @@ Verdict SignalCheck::assess_spd(record::FusedRecord& r, const Axis& axis) {
   if (clicks < limits_.spd_clicks)
     return {VerdictKind::weak,
             format("%.0f clicks above the background (minimum %.0f)", clicks, limits_.spd_clicks)};
-  return beside;
+  return compared;
 }
 
 Verdict SignalCheck::assess_radar(record::FusedRecord& r, const Axis& axis) {
@@ -149,7 +149,7 @@ Verdict SignalCheck::assess_radar(record::FusedRecord& r, const Axis& axis) {
   for (auto p = first; p != power.end(); ++p) strength += std::max(0.0, *p - floor);
   if (std::isfinite(snr_db)) r.signal.radar_snr_db = snr_db;
   r.signal.radar_peak_m = axis.start + static_cast<double>(top) * axis.step;
-  const Verdict beside = beside_reference(Sensor::radar, strength, "echo power");
+  const Verdict compared = compare_with_reference(Sensor::radar, strength, "echo power");
   const bool repeats = same_profile(r.radar, last_radar_);
   last_radar_ = r.radar;
   if (repeats) return still("bin");
@@ -165,7 +165,7 @@ Verdict SignalCheck::assess_radar(record::FusedRecord& r, const Axis& axis) {
   if (std::exchange(radar_was_flat_, flat) && flat)
     return {VerdictKind::saturated,
             format("the lobe at %.2f m is clipped", *r.signal.radar_peak_m)};
-  return beside;
+  return compared;
 }
 
 Verdict SignalCheck::assess_depth(record::FusedRecord& r) {
@@ -173,14 +173,15 @@ Verdict SignalCheck::assess_depth(record::FusedRecord& r) {
   const auto returns = std::ranges::count_if(mm, [&](auto z) { return z > 0 && z <= far_mm_; });
   const double share = static_cast<double>(returns) / static_cast<double>(mm.size());
   r.signal.depth_share = share;
-  const Verdict beside = beside_reference(Sensor::depth, share, "fraction of pixels with a return");
+  const Verdict compared =
+      compare_with_reference(Sensor::depth, share, "fraction of pixels with a return");
   const bool repeats = mm == last_depth_ && share > 0;
   last_depth_ = mm;
   if (repeats) return still("pixel");
   if (share < limits_.depth_share)
     return {VerdictKind::weak, format("%.2f %% of the pixels have a return (minimum %.2g %%)",
                                       100 * share, 100 * limits_.depth_share)};
-  return beside;
+  return compared;
 }
 
 // Returns the verdict "lossy" if the received share of the samples sent is below the limit. The
@@ -196,7 +197,7 @@ Verdict SignalCheck::assess_losses(const record::FusedRecord& r, Sensor sensor,
     const bool ends = end && *end < r.slot_end;
     return ends ? expected * std::max(0.0, seconds(*end - r.slot_start)) / slot_s : expected;
   };
-  const auto judge = [&](std::uint64_t received, double sent, const char* unit) -> Verdict {
+  const auto verdict_of = [&](std::uint64_t received, double sent, const char* unit) -> Verdict {
     const auto arrived = static_cast<double>(received);
     // A deficit of one frame is tolerated, because a frame may fall into the adjacent slot.
     if (received == 0 || arrived >= limits_.lossy_share * sent || sent - arrived < 2)
@@ -206,18 +207,18 @@ Verdict SignalCheck::assess_losses(const record::FusedRecord& r, Sensor sensor,
   };
   const double sent = static_cast<double>(sync.arrived + sync.lost);
   const bool tags = spd && r.spd_counts.tags == sync.arrived;
-  Verdict out = judge(sync.arrived, sent, tags ? "tags" : spd ? "histograms" : "frames");
+  Verdict out = verdict_of(sync.arrived, sent, tags ? "tags" : spd ? "histograms" : "frames");
   if (spd) {
     if (out.ok() && !may_be_filtered(r))
-      out = judge(r.spd_counts.starts, at_nominal_rate(nominal_hz_[sensor] * slot_s),
-                  "expected start pulses");
+      out = verdict_of(r.spd_counts.starts, at_nominal_rate(nominal_hz_[sensor] * slot_s),
+                       "expected start pulses");
     return out;
   }
   const std::uint64_t used = sensor == Sensor::radar ? sync.used : sync.arrived;
   double expected = nominal_hz_[sensor] * slot_s;
   if (expected == 0 && sync.arrived > 0)
     expected = frames_[sensor].add(sent, reference_records_).value_or(sent);
-  return out.ok() ? judge(used, at_nominal_rate(expected), "expected frames") : out;
+  return out.ok() ? verdict_of(used, at_nominal_rate(expected), "expected frames") : out;
 }
 
 void SignalCheck::assess(record::FusedRecord& record, std::span<const Axis> axes,

@@ -42,7 +42,7 @@ class SignalCheck {
   record::Verdict assess_spd(record::FusedRecord& record, const Axis& axis);
   record::Verdict assess_radar(record::FusedRecord& record, const Axis& axis);
   record::Verdict assess_depth(record::FusedRecord& record);
-  record::Verdict beside_reference(Sensor sensor, double strength, const char* what);
+  record::Verdict compare_with_reference(Sensor sensor, double strength, const char* what);
   record::Verdict assess_losses(const record::FusedRecord& record, Sensor sensor,
                                 std::optional<HostTime> end);
 

@@ -12,7 +12,7 @@ namespace echofuse::record {
 namespace {
 
 struct ValidRange {
-  double least, most;
+  double minimum, maximum;
 };
 constexpr ValidRange widths_ps{min_width_ps, max_width_ps}, tails_ps{0, 100'000}, shares{0, 1},
     cells_m{1e-3, 10}, exponents{-2, 0}, powers{0, 1.05}, baselines_m{0, 10},
@@ -37,7 +37,7 @@ std::vector<double> numbers_of(const std::string& text, const ValidRange& range,
     if (errors.size() != 1 || !(errors[0] >= 0)) return {};
     error = errors[0];
   }
-  const auto possible = [&](double v) { return v >= range.least && v <= range.most; };
+  const auto possible = [&](double v) { return v >= range.minimum && v <= range.maximum; };
   return std::all_of(out.begin(), out.end(), possible) ? out : std::vector<double>{};
 }
 

@@ -104,14 +104,15 @@ std::string VerdictCounts::doubts() const {
   constexpr PerSensor<const char*> names{"SPD", "radar", "camera"};
   std::string out;
   for (const Sensor s : all_sensors) {
-    std::vector<std::pair<std::int64_t, std::string>> most;
+    std::vector<std::pair<std::int64_t, std::string>> by_count;
     for (const auto& [kind, count] : by_sensor[s])
-      if (const VerdictRow& row = row_of(kind); row.doubtful) most.emplace_back(-count, row.word);
-    std::sort(most.begin(), most.end());
-    for (const auto& [count, word] : most)
-      out += (&word != &most.front().second ? ", "
-              : out.empty()                 ? std::string(names[s]) + " "
-                                            : "; " + std::string(names[s]) + " ") +
+      if (const VerdictRow& row = row_of(kind); row.doubtful)
+        by_count.emplace_back(-count, row.word);
+    std::sort(by_count.begin(), by_count.end());
+    for (const auto& [count, word] : by_count)
+      out += (&word != &by_count.front().second ? ", "
+              : out.empty()                     ? std::string(names[s]) + " "
+                                                : "; " + std::string(names[s]) + " ") +
              word + " " + std::to_string(-count);
   }
   return out.empty()

@@ -19,7 +19,7 @@ namespace {
 namespace fs = std::filesystem;
 
 // Creates an empty file for the copy of the run and returns its name. Throws Error.
-std::string make_beside(const fs::path& path) {
+std::string create_next_to(const fs::path& path) {
   std::error_code none;
   const bool there = fs::is_directory(path.parent_path(), none);
   const fs::path folder = there ? path.parent_path() : fs::current_path(none);
@@ -81,7 +81,7 @@ Rescue rescue(sqlite3* db, const std::string& path, const std::string& status, U
               std::int64_t records) {
   std::string name;
   try {
-    name = make_beside(path);
+    name = create_next_to(path);
     const DatabaseHandle copy = open_copy(db, name);
     sqlite3* const raw = copy.get();
     if (const std::string fault = damage(raw, name); !fault.empty())

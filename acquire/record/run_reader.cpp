@@ -58,10 +58,10 @@ std::string fault_of_slot(const FusedRecord& r) {
 
 // Returns how many records to unpack together: at most 64, and at most 16 M values.
 std::size_t records_at_once(const Shapes& shapes) {
-  constexpr std::size_t most = 64, max_values = std::size_t{1} << 24;
+  constexpr std::size_t max_batch = 64, max_values = std::size_t{1} << 24;
   std::size_t values = 1;
   for (const Shape& shape : shapes) values += shape.values;
-  return std::clamp<std::size_t>(max_values / values, 1, most);
+  return std::clamp<std::size_t>(max_values / values, 1, max_batch);
 }
 
 // Reads the current row. The values of the record are not unpacked yet.
@@ -250,8 +250,8 @@ std::vector<Anchor> RunReader::anchors() const { return rows<Anchor>(); }
 std::vector<CounterRow> RunReader::counters() const { return rows<CounterRow>(); }
 std::vector<Event> RunReader::events() const { return rows<Event>(" ORDER BY id"); }
 
-std::vector<Event> RunReader::last_events(std::size_t most) const {
-  std::vector<Event> out = rows<Event>(" ORDER BY id DESC LIMIT " + std::to_string(most));
+std::vector<Event> RunReader::last_events(std::size_t max_count) const {
+  std::vector<Event> out = rows<Event>(" ORDER BY id DESC LIMIT " + std::to_string(max_count));
   std::reverse(out.begin(), out.end());
   return out;
 }
@@ -283,13 +283,13 @@ void RunReader::check_axis(const Axis& axis) const {
     refuse(
         format("its start, step and scale are %g, %g and %g", axis.start, axis.step, axis.scale) +
         "; expected finite numbers, |step| of at least 1e-15, scale above 0");
-  const double most = std::max(1e9, 256 * static_cast<double>(bytes_));
+  const double max_values = std::max(1e9, 256 * static_cast<double>(bytes_));
   // The size of axis `map_x` is both the width and the height of the map.
   double values = std::pow(static_cast<double>(axis.values()), axis.name == "map_x" ? 2 : 1);
   const std::size_t antennas = axis.name == "array" ? antennas_of(axis) : 1;
   if (antennas == 0) refuse(format("has %g antennas; expected 1 to 12", axis.scale));
   if (axis.name == "array") values *= static_cast<double>(values_of_bin(antennas)) / 2;
-  const auto too_many = [&](double records) { return 4 * values * records > most; };
+  const auto too_many = [&](double records) { return 4 * values * records > max_values; };
   // Checks the range of indices first, because counting the records takes more time.
   Statement s = ask("SELECT (SELECT min(idx) FROM record), (SELECT max(idx) FROM record)");
   s.step();

@@ -97,7 +97,8 @@ class RunReader {
   std::vector<CalibrationEntry> calibrations() const;
   Antennas antennas() const;  // empty if the radar sent no antenna samples
   std::vector<Event> events() const;
-  std::vector<Event> last_events(std::size_t most) const;  // the last `most` events, oldest first
+  std::vector<Event> last_events(
+      std::size_t max_count) const;  // the last `max_count` events, oldest first
   std::vector<CounterRow> counters() const;
   std::vector<Axis> axes() const;
   std::optional<Axis> axis(const std::string& name) const;

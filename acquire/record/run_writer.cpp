@@ -204,7 +204,7 @@ bool RunWriter::checkpoint() {
 }
 
 void RunWriter::complete(const std::string& status) {
-  require_sound();
+  require_intact();
   sqlite3_busy_timeout(db_, 0);
   try {
     put_end(db_, path_, status, clock_.utc());
@@ -222,7 +222,7 @@ RunWriter::~RunWriter() {
 
 void RunWriter::in_transaction(const std::function<void()>& body) {
   if (!watch_) return body();  // the constructor has its own transaction
-  require_sound();
+  require_intact();
   execute(db_, path_, "BEGIN IMMEDIATE", "cannot write");
   try {
     body();
@@ -250,7 +250,7 @@ void RunWriter::append(std::span<const FusedRecord> batch) {
 
 std::optional<std::string> RunWriter::new_label(UtcTime before) {
   if (!db_) return std::exchange(left_label_, {});
-  require_sound();
+  require_intact();
   Statement s(db_, path_, "SELECT id, level, utc, text FROM event WHERE id > ? ORDER BY id");
   s.bind(last_event_);
   const std::string end = iso8601(before);  // ISO 8601 times can be compared as strings
@@ -267,7 +267,7 @@ std::optional<std::string> RunWriter::new_label(UtcTime before) {
 
 // Throws if a file of the run is missing, replaced or damaged. Other programs are allowed to write
 // to the database, e.g. in a checkpoint.
-void RunWriter::require_sound() {
+void RunWriter::require_intact() {
   if (!watch_) return;  // the file is being created, and other processes cannot open it yet
   watch_->restore_index();
   if (harm_.empty()) harm_ = watch_->lost();
@@ -283,7 +283,7 @@ void RunWriter::require_sound() {
 
 // Throws unless the database is undamaged and complete. Must be called before the WAL is emptied,
 // because emptying it would make damage permanent.
-void RunWriter::require_whole() {
+void RunWriter::require_complete() {
   harm_ = damage_during_the_run(db_, path_);
   if (harm_.empty())
     if (const std::int64_t found = count_records(db_, path_); found != records_)
@@ -298,8 +298,8 @@ void RunWriter::throw_harm() const {
 
 bool RunWriter::close(const std::string& status, std::int64_t unwritten) {
   try {
-    require_sound();
-    require_whole();
+    require_intact();
+    require_complete();
   } catch (const Error&) {
     leave(status);
   }
@@ -314,7 +314,7 @@ bool RunWriter::close(const std::string& status, std::int64_t unwritten) {
   if (status != completed_) put_end(db_, path_, status, clock_.utc());
   if (unwritten > 0) put_unwritten(unwritten);
   try {
-    require_sound();
+    require_intact();
   } catch (const Error&) {
     leave(status);
   }

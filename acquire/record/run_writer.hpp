@@ -104,8 +104,8 @@ class RunWriter {
   void ready();
   void in_transaction(const std::function<void()>& body);
   bool checkpoint();
-  void require_sound();
-  void require_whole();
+  void require_intact();
+  void require_complete();
   void throw_harm() const;
   bool fold();
   bool waits_on(int tries);

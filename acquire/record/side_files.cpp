@@ -18,7 +18,7 @@ namespace {
 
 using FileHead = std::array<std::uint8_t, 32>;
 // Maximum number of bytes that are read from a journal; exceeds one sector plus one page.
-constexpr std::size_t most_of_journal = 1 << 18;
+constexpr std::size_t max_journal_bytes = 1 << 18;
 
 // Returns the first bytes of a file, padded with zeros.
 FileHead header_of(const RegularFile& file) {
@@ -150,7 +150,7 @@ void require_own_wal(const std::string& path) {
 void require_own_journal(const std::string& path) {
   const std::string name = path + "-journal";
   if (::access(name.c_str(), F_OK) != 0) return;
-  const auto bytes = RegularFile(name, ExitCode::failed).rest<Bytes>(most_of_journal);
+  const auto bytes = RegularFile(name, ExitCode::failed).rest<Bytes>(max_journal_bytes);
   constexpr std::string_view magic = "\xd9\xd5\x05\xf9\x20\xa1\x63\xd7";
   if (bytes.size() < sizeof(FileHead) ||
       std::string_view(reinterpret_cast<const char*>(bytes.data()), magic.size()) != magic)

@@ -351,7 +351,7 @@ void Daemon::close_slot(const DueSlot& due, HostTime now) {
                 record.sync[Sensor::depth].used);
   if (!recording_->journal.put(std::move(record)))
     log(Severity::error, "run file",
-        "record " + std::to_string(index) + ": data dropped, " + recording_->journal.why_late());
+        "record " + std::to_string(index) + ": data dropped, " + recording_->journal.delay_cause());
   put_late();
   const bool is_last = recording_->scheduler.done() && recording_->due.empty();
   if (index + 1 == options_.slots_a_file && !is_last) begin_next(due.index + 1);

@@ -49,7 +49,7 @@ Journal::~Journal() { stop(); }
 
 bool Journal::put(record::FusedRecord record) {
   const bool room = waiting_ < capacity_;
-  if (!room) record::give_up(record, record.valid, why_late());
+  if (!room) record::give_up(record, record.valid, delay_cause());
   ++put_;
   put([this, r = std::move(record)](record::RunWriter& run) mutable { write(run, r); });
   return room;
@@ -72,7 +72,7 @@ void Journal::write(record::RunWriter& run, record::FusedRecord& record) {
 void Journal::put(WriteJob job) {
   if (failed() || !worker_) return;
   if (waiting_ >= hard_limit * capacity_) {
-    overflow_ = why_late();
+    overflow_ = delay_cause();
     return;
   }
   ++waiting_;
@@ -88,7 +88,7 @@ void Journal::put(WriteJob job) {
   });
 }
 
-std::string Journal::why_late() const {
+std::string Journal::delay_cause() const {
   return lock_wait_.tried() ? "another program is writing to the run file" : "disk too slow";
 }
 

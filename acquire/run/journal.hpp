@@ -78,7 +78,7 @@ class Journal {
   bool crowded() const { return waiting_ >= capacity_ / 2; }
   bool failed() const { return failed_ || !overflow_.empty(); }
   // Returns the cause of a delay: a slow disk, or a write transaction by another program.
-  std::string why_late() const;
+  std::string delay_cause() const;
   std::int64_t written() const { return written_; }
   std::string path() const;  // path of the run file being written
   // Returns the label of the last written record if a label event set it; otherwise no value.

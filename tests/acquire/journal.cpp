@@ -117,7 +117,7 @@ TEST_CASE(
   written.get_future().wait();
   Holder holder(path);
   CHECK(journal.put(small_record(0)));
-  while (journal.why_late() != "another program is writing to the run file")
+  while (journal.delay_cause() != "another program is writing to the run file")
     std::this_thread::yield();
   for (std::int64_t i = 1; i < 5; ++i) CHECK(journal.put(small_record(i)) == (i < 3));
   SECTION("queued records are written if the lock of the run file is released in time") {
@@ -202,7 +202,7 @@ TEST_CASE(
     CHECK(has(events[0].text, "another program holds a write transaction"));
   }
   SECTION("a label set while the previous file is being closed applies to the next file") {
-    while (journal.why_late() != "another program is writing to the run file")
+    while (journal.delay_cause() != "another program is writing to the run file")
       std::this_thread::yield();
     holder.ask("INSERT INTO event (level, utc, text) VALUES ('label', '2026', 'door')");
     journal.put(small_record(1));
