@@ -37,7 +37,7 @@ using Pixels = std::vector<OniDepthPixel>;
 constexpr char serial[] = "SIM-DEPTH-1";
 constexpr int poll_ms = 50;
 constexpr auto retry = std::chrono::milliseconds(100);
-constexpr int hello_patience_polls = 40;
+constexpr int max_hello_polls = 40;
 
 std::string find_socket() {
   Dl_info info{};
@@ -288,7 +288,7 @@ class DepthDriver final : public oni::driver::DriverBase {
     fd_ = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
     DepthHeader hello;
     if (::connect(fd_, reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0 ||
-        !read_exactly(&hello, sizeof hello, hello_patience_polls) || hello.magic != depth_magic) {
+        !read_exactly(&hello, sizeof hello, max_hello_polls) || hello.magic != depth_magic) {
       close(fd_);
       fd_ = -1;
       return false;

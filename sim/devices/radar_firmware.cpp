@@ -132,7 +132,7 @@ std::string RadarFirmware::version() const {
   return sdk_ == 4 ? "03.04.00.03" : sdk_ == 5 ? "03.05.00.04" : "03.06.00.00";
 }
 
-bool RadarFirmware::knows(const std::string& command) const {
+bool RadarFirmware::has_command(const std::string& command) const {
   return configuring.count(command) > 0 && (command != "calibData" || sdk_ >= 5) &&
          (command != "bpmCfg" || demo_ == RadarDemo::dsp);
 }
@@ -192,7 +192,7 @@ std::optional<int> RadarFirmware::execute(const CommandWords& words) {
   if (name == "configDataPort") return config_data_port(words);
   if (name == "version") return print_version();
   if (name == "queryDemoStatus") return print_status();
-  if (!knows(name)) {
+  if (!has_command(name)) {
     say("'" + name + "' is not recognized as a CLI command\n");
     prompt();
     return {};
@@ -293,7 +293,7 @@ int RadarFirmware::print_status() {
 
 bool RadarFirmware::all_pending() const {
   return std::all_of(configuring.begin(), configuring.end(), [&](const auto& entry) {
-    if (!entry.second.needed || !knows(entry.first)) return true;
+    if (!entry.second.needed || !has_command(entry.first)) return true;
     if (!entry.second.by_direction) return pending_.count(entry.first) > 0;
     return pending_.count(entry.first + " 0") > 0 && pending_.count(entry.first + " 1") > 0;
   });
@@ -389,7 +389,7 @@ std::vector<Chirp> RadarFirmware::subframes_configured() {
   for (const auto& [name, words] : config_)
     if (!words.empty() && configuring.at(words[0]).checked_at_start) checked.push_back(words);
   if (!std::all_of(checked.begin(), checked.end(), arguments_possible)) return {};
-  constexpr unsigned advanced = 3, most = 4;
+  constexpr unsigned advanced = 3, max_subframes = 4;
   if (whole(config_["dfeDataOutputMode"], 1) != advanced) {
     const CommandWords& f = config_["frameCfg"];
     const auto one = chirp({whole(f, 1), whole(f, 2), whole(f, 3), whole(f, 4), number(f, 5)}, {});
@@ -397,7 +397,7 @@ std::vector<Chirp> RadarFirmware::subframes_configured() {
   }
   std::vector<Chirp> out;
   const CommandWords& frame = config_["advFrameCfg"];
-  for (unsigned k = 0; k < std::min(whole(frame, 1), most); ++k) {
+  for (unsigned k = 0; k < std::min(whole(frame, 1), max_subframes); ++k) {
     const CommandWords& s = subframe_cfgs_[k];
     const unsigned first = whole(s, 3);
     const auto one = chirp(

@@ -72,7 +72,7 @@ class RadarFirmware {
   int print_version();
   int print_status();
   std::string version() const;
-  bool knows(const std::string& command) const;
+  bool has_command(const std::string& command) const;
   bool all_pending() const;
   bool refuse_start(bool reconfigure);
   bool changed_latched();

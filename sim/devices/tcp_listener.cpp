@@ -23,16 +23,16 @@ class TcpListener final : public Listener {
   void start(Handlers handlers) override { handlers_ = std::move(handlers); }
 
   void accept() override {
-    wanted_ = true;
+    accept_next_ = true;
     if (accepting_ || !acceptor_.is_open()) return;
     accepting_ = true;
     acceptor_.async_accept([this](const ErrorCode& error, tcp::socket socket) {
       accepting_ = false;
       if (error) {
-        if (wanted_) accept();
+        if (accept_next_) accept();
         return;
       }
-      wanted_ = false;
+      accept_next_ = false;
       socket_ = std::move(socket);
       ErrorCode ignored;
       socket_.set_option(tcp::no_delay(true), ignored);
@@ -50,7 +50,7 @@ class TcpListener final : public Listener {
     acceptor_.set_option(tcp::acceptor::reuse_address(true));
     acceptor_.bind(endpoint_);
     acceptor_.listen();
-    if (wanted_) accept();
+    if (accept_next_) accept();
   }
   bool plugged() const override { return acceptor_.is_open(); }
 
@@ -88,7 +88,7 @@ class TcpListener final : public Listener {
   Handlers handlers_;
   std::array<std::uint8_t, 256> unread_{};
   // wanted_: accept() was called; accepting_: async_accept() is pending
-  bool wanted_ = false, accepting_ = false;
+  bool accept_next_ = false, accepting_ = false;
 };
 
 }  // namespace

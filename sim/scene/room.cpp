@@ -61,10 +61,10 @@ std::vector<Room> build() {
                                    {-0.45, 4.64, 0.40, 1.3, 0.15, 0.4},
                                    {0.85, 4.80, 0.40, 1.6, 0.25, 0.7},
                                    {1.9, 5.02, 0.50, 1.4, 0.20, 0.9}};
-  std::vector<RoomBox> moved = boxes, with_somebody = boxes;
+  std::vector<RoomBox> moved = boxes, with_bystander = boxes;
   moved[0].x = -0.9, moved[1].x = -1.9, moved[2].x = 1.35, moved[3].x = 0.45;
   moved[3].front_z = 4.85;
-  with_somebody.push_back({-2.15, 4.3, 0.45, 1.75, 0.25, 0.45});
+  with_bystander.push_back({-2.15, 4.3, 0.45, 1.75, 0.25, 0.45});
   // The door opening is 0.9 m wide. The opening is as high as the wall, so it has no visible upper
   // edge.
   const std::vector<Plate> open{left, wall(-0.3, 5.225, 1.1, 5.341, 0.7),
@@ -78,7 +78,7 @@ std::vector<Room> build() {
   return {make_room("room", {left, right}, boxes),
           make_room("moved", {left, right}, moved),
           make_room("door", open, boxes),
-          make_room("bystander", {left, right}, with_somebody),
+          make_room("bystander", {left, right}, with_bystander),
           make_room("other", other,
                     {{-1.9, 4.95, 0.60, 1.0, 0.30, 0.5},
                      {-0.7, 4.90, 0.35, 1.9, 0.20, 0.9},

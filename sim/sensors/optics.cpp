@@ -14,7 +14,7 @@
 namespace echofuse::sim {
 namespace {
 
-std::int64_t whole_up(double x) { return static_cast<std::int64_t>(std::ceil(x)); }
+std::int64_t ceil_of(double x) { return static_cast<std::int64_t>(std::ceil(x)); }
 
 // Impulse response (IRF) of the detector to a photon at time 0. cdf(t) is its integral up to t.
 class Irf {
@@ -62,13 +62,13 @@ ECHOFUSE_CLONES void add_shares(const double* weights, std::size_t points, const
 class FineSignal {
  public:
   FineSignal(const Conditions& c, const Irf& irf)
-      : phases_(std::clamp(whole_up(16 * c.bin_width_ps / irf.sigma()), std::int64_t{16},
+      : phases_(std::clamp(ceil_of(16 * c.bin_width_ps / irf.sigma()), std::int64_t{16},
                            std::int64_t{512})),
         step_(c.bin_width_ps / static_cast<double>(phases_)),
-        bins_before_(whole_up(irf.end() / c.bin_width_ps) + 1),
+        bins_before_(ceil_of(irf.end() / c.bin_width_ps) + 1),
         start_(c.first_bin_ps - static_cast<double>(bins_before_) * c.bin_width_ps),
         weights_(static_cast<std::size_t>(
-            phases_ * (bins_before_ + c.bins + whole_up(-irf.begin() / c.bin_width_ps) + 1))) {}
+            phases_ * (bins_before_ + c.bins + ceil_of(-irf.begin() / c.bin_width_ps) + 1))) {}
 
   void add(double t_ps, double weight) {
     const double place = (t_ps - start_) / step_;
@@ -82,8 +82,8 @@ class FineSignal {
   // Adds to each bin a fraction of every grid point. The fraction depends only on the position of
   // the point within its bin and on the distance between that bin and the receiving bin.
   void spread(const Irf& irf, double width_ps, std::vector<double>& bins) const {
-    const std::int64_t first = -whole_up(-irf.begin() / width_ps) - 1;
-    const std::int64_t last = whole_up(irf.end() / width_ps) + 1;
+    const std::int64_t first = -ceil_of(-irf.begin() / width_ps) - 1;
+    const std::int64_t last = ceil_of(irf.end() / width_ps) + 1;
     const auto length = static_cast<std::size_t>(last - first);
     // The shares are cached for the next record, because they depend only on the IRF and the bin
     // width.

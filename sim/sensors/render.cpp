@@ -42,10 +42,10 @@ class PatchCollector {
   // Adds the patches of the rays first to last - 1 of the row. Their weights are multiplied by
   // `sign`.
   void add(const ScanRow& row, double sign, std::size_t first, std::size_t last) {
-    const std::size_t count = last - first, most = seen_ + count + spare_rays;
-    if (returns_.range_m.size() < most) {
-      returns_.range_m.resize(2 * most);
-      returns_.weight.resize(2 * most);
+    const std::size_t count = last - first, needed = seen_ + count + spare_rays;
+    if (returns_.range_m.size() < needed) {
+      returns_.range_m.resize(2 * needed);
+      returns_.weight.resize(2 * needed);
     }
     double *range = &returns_.range_m[seen_], *weight = &returns_.weight[seen_];
     light_back(row.x + first, row.y + first, row.z + first, row.cosine + first, row.albedo + first,

@@ -32,7 +32,7 @@ std::shared_ptr<const Image> Scanner::room_image(const Room& room, double sensor
   static std::mutex mutex;
   using Key = std::pair<const Room*, std::vector<double>>;
   static std::map<Key, std::shared_ptr<const Image>> images;
-  constexpr std::size_t most = 8;  // maximum number of cached images; a data set needs three
+  constexpr std::size_t max_images = 8;  // maximum number of cached images; a data set needs three
   const Key key{&room,
                 {sensor_x_m, static_cast<double>(sampling), x.start, x.step, y.start, y.step,
                  static_cast<double>(x.count), static_cast<double>(y.count)}};
@@ -40,7 +40,7 @@ std::shared_ptr<const Image> Scanner::room_image(const Room& room, double sensor
   if (const auto known = images.find(key); known != images.end()) return known->second;
   Scene alone;
   alone.plates = room.plates;
-  if (images.size() == most) images.clear();
+  if (images.size() == max_images) images.clear();
   const std::size_t size = std::size_t{x.count} * y.count + spare_rays;
   auto image = std::make_shared<Image>(Image{std::vector<double>(size, INFINITY),
                                              std::vector<double>(size), std::vector<double>(size)});
