@@ -28,14 +28,14 @@ def main(path: str) -> None:
         record, axis = run[row], run.axes.get("spd")
         if axis is None or not run.valid["spd"][row]:
             continue
-        wanted = label_of(record, (axis.values + axis.step / 2) * M_PER_PS)
-        print(f"record {record.index}: {wanted}", flush=True)
-        if wanted != label:
+        new_label = label_of(record, (axis.values + axis.step / 2) * M_PER_PS)
+        print(f"record {record.index}: {new_label}", flush=True)
+        if new_label != label:
             try:
-                echofuse.annotate(run, label=wanted)
+                echofuse.annotate(run, label=new_label)
             except RuntimeError:
                 break  # the run has ended
-            label = wanted
+            label = new_label
 
 
 if __name__ == "__main__":

@@ -88,12 +88,12 @@ def test_derived_run_contains_the_requested_changes(run, tmp_path):
         assert added.std() == pytest.approx(0.01, rel=0.1) and abs(added.mean()) < 0.001
 
 
-@pytest.mark.parametrize(("ends", "code", "kind"), [("exit 1", 1, bench.BenchError), ("exit 6", 6, bench.UsageError), ("kill -9 $$", 1, bench.UsageError)])
+@pytest.mark.parametrize(("ends", "code", "kind"), [("exit 1", 1, bench.ProgramError), ("exit 6", 6, bench.UsageError), ("kill -9 $$", 1, bench.UsageError)])
 def test_bench_error_has_the_exit_code_of_the_failed_program(tmp_path, monkeypatch, ends, code, kind):
     (tmp_path / "echofuse-x").write_text(f"#!/bin/sh\necho echofuse-x: what was wrong >&2\n{ends}\n")
     (tmp_path / "echofuse-x").chmod(0o755)
     monkeypatch.setenv("ECHOFUSE_BIN", str(tmp_path))
-    with pytest.raises(bench.BenchError, match="^what was wrong$") as found:
+    with pytest.raises(bench.ProgramError, match="^what was wrong$") as found:
         call("echofuse-x")
     assert (type(found.value), found.value.code) == (kind, code)
     with pytest.raises(bench.UsageError, match="echofuse-y: No such file or directory; add the programs to PATH"):
@@ -104,7 +104,7 @@ def test_bench_error_names_the_table_that_cannot_be_written(tmp_path):
     (tmp_path / "file").write_text("")
     table = bench.Table(tmp_path / "table.csv")
     table.path = tmp_path / "file/table.csv"
-    with pytest.raises(bench.BenchError, match=r"file/table.csv: cannot write \(") as found:
+    with pytest.raises(bench.ProgramError, match=r"file/table.csv: cannot write \(") as found:
         table.add({"axis": "model", "value": "1", "model": "mean", "inputs": "-", "seed": 1, "source": "-", "iou": 0.5})
     assert found.value.code == 6
 
@@ -159,7 +159,7 @@ def test_true_maps_have_iou_1_even_for_bodies_nearer_than_any_training_body(run,
             "target_z_max_m=1.4")
     row = bench.measure(bench.python_method("truth", lambda: Truth(near)), run.path, near)
     assert row["iou"] == 1 and row["depth_mae_m"] == 0
-    with pytest.raises(bench.BenchError, match="is a training run"):
+    with pytest.raises(bench.ProgramError, match="is a training run"):
         bench.measure(bench.python_method("truth", lambda: Truth(run.path)), run.path, run.path)
 
 

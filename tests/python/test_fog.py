@@ -70,5 +70,5 @@ def test_bench_simulates_the_same_scenes_with_and_without_fog(tmp_path):
 
 def test_bench_refuses_fog_combined_with_a_detector_dead_time(tmp_path):
     source = stability.Simulated(["pulses_per_window=200000", "spd_dead_time_ps=5000"], 12, 12)
-    with pytest.raises(stability.BenchError, match="fog cannot be combined with a detector dead time"):
+    with pytest.raises(stability.ProgramError, match="fog cannot be combined with a detector dead time"):
         source.test(stability.World(fog_m=20), 1, tmp_path)

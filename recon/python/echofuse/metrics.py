@@ -69,9 +69,9 @@ def score(function: Callable[..., Scores]) -> Callable[[ArrayLike, ArrayLike, Sc
     return checked
 
 
-def ratio(numerator: NDArray[Any], denominator: NDArray[Any], least: float = 0) -> Scores:
-    """Returns numerator / denominator, or NaN where the denominator is not greater than `least`."""
-    valid = denominator > least
+def ratio(numerator: NDArray[Any], denominator: NDArray[Any], minimum: float = 0) -> Scores:
+    """Returns numerator / denominator, or NaN where the denominator is at most `minimum`."""
+    valid = denominator > minimum
     return np.where(valid, numerator / np.where(valid, denominator, 1), np.nan)
 
 

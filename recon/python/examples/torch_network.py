@@ -53,7 +53,7 @@ class Network:
         # Selects the threshold with the highest IoU. The masks of uncertain bodies are too wide.
         with torch.no_grad():
             mask = self.net((x - self.mean) / self.scale)[:, :pixels]
-        self.least = max(torch.linspace(-2.5, 0.5, 13).tolist(), key=lambda at: float(
+        self.threshold = max(torch.linspace(-2.5, 0.5, 13).tolist(), key=lambda at: float(
             (((mask > at) * foreground).sum(1) / ((mask > at)
                                              + foreground).gt(0).sum(1).clamp(min=1)).mean()))
 
@@ -61,5 +61,5 @@ class Network:
     def predict(self, run) -> np.ndarray:
         """Returns the maps [n, N, N], m, with NaN for no return."""
         mask, off = self.net((self.inputs(run) - self.mean) / self.scale).split(self.size ** 2, 1)
-        maps = np.where(mask > self.least, off + self.depth_mean, np.nan)
+        maps = np.where(mask > self.threshold, off + self.depth_mean, np.nan)
         return maps.reshape(-1, self.size, self.size).astype(np.float32)

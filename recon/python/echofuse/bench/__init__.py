@@ -5,11 +5,11 @@
 >>> from echofuse import bench
 >>> bench.measure(bench.method("nearest"), "train.sqlite", "test.sqlite")["iou"]
 """
-from ..runs.programs import BenchError, UsageError, call
+from ..runs.programs import ProgramError, UsageError, call
 from .command import main
 from .methods import Method, evaluate, measure, method, python_method
 from .table import Cell, RunSource, Table, existing_run, fill, markdown, means, pareto_cells
 
-__all__ = ["BenchError", "Cell", "Method", "RunSource", "Table", "UsageError", "call", "evaluate",
+__all__ = ["Cell", "Method", "ProgramError", "RunSource", "Table", "UsageError", "call", "evaluate",
            "existing_run", "fill", "main", "markdown", "means", "measure", "method",
            "pareto_cells", "python_method"]

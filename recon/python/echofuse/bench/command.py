@@ -25,7 +25,7 @@ import numpy as np
 
 from .. import __version__, runs
 from ..models.maps import load_maps
-from ..runs.programs import EXIT_CODES, BenchError, UsageError
+from ..runs.programs import EXIT_CODES, ProgramError, UsageError
 from . import letters, recipe, stability
 from .methods import method
 from .table import Table, fill, finish, pareto_cells, source_line
@@ -123,7 +123,7 @@ def main() -> None:
             require_matplotlib()
         table = args.run(args)
         if table and (failed := table.failed or table.unmeasured):
-            raise BenchError(f"{failed} table rows failed; the tracebacks are in {table.log}")
+            raise ProgramError(f"{failed} table rows failed; the tracebacks are in {table.log}")
     except (RuntimeError, ValueError, OSError, sqlite3.Error) as error:
         print(f"echofuse-bench: {error}", file=sys.stderr)
         full = getattr(error, "errno", 0) in (errno.ENOSPC, errno.EDQUOT,
@@ -157,15 +157,15 @@ def _letters(args: argparse.Namespace) -> None:
     with runs.open(args.truth) as run:
         row_of = {number: row for row, number in enumerate(run.index.tolist())}
         if missing := [number for number in index.tolist() if number not in row_of]:
-            raise BenchError(f"{args.maps}: record {missing[0]} has a map, but it is not in "
-                             f"{run.path}")
+            raise ProgramError(f"{args.maps}: record {missing[0]} has a map, but it is not in "
+                               f"{run.path}")
         rows = [row_of[number] for number in index.tolist()]
         truth = run.maps()[rows]
         if truth.shape != maps.shape:
-            raise BenchError(
+            raise ProgramError(
                 f"{args.maps}: the maps have {maps.shape[1]} x {maps.shape[2]} pixels; expected "
                 f"{truth.shape[1]} x {truth.shape[2]} pixels as in the run")
         found = letters.read(maps, truth, [run.labels[row] for row in rows], run.half_tangent)
     if not np.isfinite(found[0]).any():
-        raise BenchError(f"{args.truth}: no record with a depth map has a label such as letter:A")
+        raise ProgramError(f"{args.truth}: no record with a depth map has a label such as letter:A")
     print(letters.text(*found))

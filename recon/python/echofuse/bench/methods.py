@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from .. import runs
 from ..models.maps import save_maps
 from ..runs.acquire import plain
-from ..runs.programs import BenchError, UsageError, call
+from ..runs.programs import ProgramError, UsageError, call
 from ..runs.splits import split, usual_inputs
 from . import derive
 
@@ -48,11 +48,11 @@ Row = dict[str, Any]
 
 @contextlib.contextmanager
 def writing(path: Path) -> Iterator[None]:
-    """Converts an OSError into a BenchError that includes the path and has exit code 6."""
+    """Converts an OSError into a ProgramError that includes the path and has exit code 6."""
     try:
         yield
     except OSError as error:
-        raise BenchError(f"{path}: cannot write ({error.strerror or error})", 6) from None
+        raise ProgramError(f"{path}: cannot write ({error.strerror or error})", 6) from None
 
 
 def version() -> str:
@@ -208,8 +208,8 @@ def _by_object(make: Callable[..., Fitted], train: pathlib.Path, seed: int) -> P
         with runs.open(test) as test_run:
             maps, us = timed_predict(fitted, test_run)
             if maps.ndim != 3 or len(maps) != len(test_run) or maps.shape[1] != maps.shape[2]:
-                raise BenchError(f"{type(fitted).__name__}.predict returned shape {maps.shape} "
-                                 f"(expected [{len(test_run)}, N, N])")
+                raise ProgramError(f"{type(fitted).__name__}.predict returned shape {maps.shape} "
+                                   f"(expected [{len(test_run)}, N, N])")
             save_maps(folder / "maps", maps, test_run.index)
             costs = {"train_s": train_s, "infer_us_batch": us / max(len(test_run), 1)}
             return ["--maps", str(folder / "maps")], costs | single_record_times(fitted, test_run)
@@ -246,7 +246,7 @@ def _by_command(text: str, train: pathlib.Path, seed: int) -> Predict:
                               capture_output=True, text=True,
                               env=os.environ | {"ECHOFUSE_SEED": str(seed)}, check=False)
         if done.returncode:
-            error = BenchError(
+            error = ProgramError(
                 f"{text}: {(done.stderr.strip().splitlines() or ['no error message'])[-1]}")
             error.add_note(done.stderr.strip())
             raise error

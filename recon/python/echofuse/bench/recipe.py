@@ -11,7 +11,7 @@ import sys
 import tomllib
 from typing import Any
 
-from ..runs.programs import BenchError, UsageError, call
+from ..runs.programs import ProgramError, UsageError, call
 from . import photon_track, table as tables
 from .methods import Method, method, version
 from .table import checksum
@@ -21,7 +21,7 @@ __all__ = ["add_command", "run"]
 
 def make_run(track: dict[str, Any], part: str, folder: pathlib.Path) -> pathlib.Path:
     """Returns the path of the training or test run of a track (`part` is "train" or "test").
-    Generates the run if it is missing. Raises BenchError if its checksum is wrong."""
+    Generates the run if it is missing. Raises ProgramError if its checksum is wrong."""
     out = folder / f"{track['name']}-{part}.sqlite"
     if not out.exists():
         plan = track[part]
@@ -33,9 +33,9 @@ def make_run(track: dict[str, Any], part: str, folder: pathlib.Path) -> pathlib.
 
 
 def require_checksum(path: pathlib.Path, expected: str | None) -> None:
-    """Raises BenchError if the checksum of the sensor data differs from `expected`."""
+    """Raises ProgramError if the checksum of the sensor data differs from `expected`."""
     if expected and checksum(path) != expected:
-        raise BenchError(f"{path}: the records differ from those of the recipe: their SHA-256 is "
+        raise ProgramError(f"{path}: the records differ from those of the recipe: their SHA-256 is "
             f"{checksum(path)} (expected {expected})")
 
 

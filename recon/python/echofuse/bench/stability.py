@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..runs.programs import BenchError, UsageError, call
+from ..runs.programs import ProgramError, UsageError, call
 from . import derive, fog, table as tables
 from .conditions import BASE, Axis, World, recorded_axes, simulated_axes
 from .methods import CONSTANT, Method, Row, method, version
@@ -71,9 +71,9 @@ class Simulated:
     def _in_fog(self, world: World, records: int, seed: int, out: pathlib.Path) -> derive.Change:
         """Returns a change that replaces the counts with counts of the same scenes in fog."""
         if self.base["spd_dead_time_ps"] > 0:
-            raise BenchError("fog cannot be combined with a detector dead time")
+            raise ProgramError("fog cannot be combined with a detector dead time")
         if self.base["spd_zones"] > 1:
-            raise BenchError("fog cannot be combined with detector zones")
+            raise ProgramError("fog cannot be combined with detector zones")
         clear = out.with_name("clear-" + out.name)
         call("echofuse-sim", "dataset", "-q", "--out", clear, "--seed", seed, f"--{world.scenes}",
              records, *self.settings, "--set", "background_counts=0",
@@ -102,7 +102,7 @@ class Simulated:
         path by adding their photon counts and averaging their radar power. The ground-truth map
         shows the person at the midpoint of the path."""
         if self.base["radar_antennas"] > 1:
-            raise BenchError("walking people cannot be combined with several antennas")
+            raise ProgramError("walking people cannot be combined with several antennas")
         steps, rng = 5, np.random.default_rng(seed)
         x = rng.uniform(-self.base["target_x_m"], self.base["target_x_m"], records)
         z = rng.uniform(self.base["target_z_min_m"], self.base["target_z_max_m"], records)

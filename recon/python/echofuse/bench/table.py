@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 
 from .. import runs
-from ..runs.programs import BenchError, UsageError, call
+from ..runs.programs import ProgramError, UsageError, call
 from ..runs.staged import locked, sync
 from . import derive
 from .methods import (COSTS, COUNTS, METRICS, RECORDED, Method, Path, Row, evaluate, version,
@@ -129,15 +129,16 @@ class Table:
     @contextlib.contextmanager
     def exclusive(self) -> Iterator[None]:
         """Locks the table for writing, and reads the rows added by other processes. Raises
-        BenchError if another process holds the lock."""
+        ProgramError if another process holds the lock."""
         lock = self.path.with_name(f".{self.path.name}.lock")
         with writing(self.path):
             self.path.parent.mkdir(parents=True, exist_ok=True)
             try:
                 descriptor = locked(lock)
             except BlockingIOError:
-                raise BenchError(f"{self.path}: the table is in use by another process; wait until "
-                                 "that process ends, or split the work with --part K/N") from None
+                raise ProgramError(f"{self.path}: the table is in use by another process; wait "
+                                   "until that process ends, or split the work with --part K/N"
+                                   ) from None
         try:
             self.rows |= self._read(self.path)
             yield

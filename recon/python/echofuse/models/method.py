@@ -165,10 +165,10 @@ class Method:
             u = np.clip(u - np.clip(slope / curve, -0.02, 0.02), -1, 1)
         out = [u, u * r]
         weights = np.maximum(1 - np.abs(at - parts[:, None]) / part_m, 0) * (inside > 0)
-        for total, most, most_up in [(every, across,
-                                      up), *((w @ z, short, short_up) for w in weights)]:
-            turned = np.concatenate([total[1:most + 1] * np.exp(-1j * np.pi * d[:most] * u),
-                                     total[across + 1:across + 1 + most_up]]) / every[0].real
+        for total, max_lag, max_lag_up in [(every, across,
+                                           up), *((w @ z, short, short_up) for w in weights)]:
+            turned = np.concatenate([total[1:max_lag + 1] * np.exp(-1j * np.pi * d[:max_lag] * u),
+                                     total[across + 1:across + 1 + max_lag_up]]) / every[0].real
             out += turned.view(float).tolist()
         return np.array(out)
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..bench.methods import nan_if_none
 from ..models.model import read_safetensors
-from ..runs.programs import BenchError, call
+from ..runs.programs import ProgramError, call
 
 __all__ = ["Count", "Evaluation", "Mean", "Means", "ReportError", "ReportModel", "Scores",
            "Values", "evaluate", "lines_of", "means_of", "read_models", "sensors_of"]
@@ -24,7 +24,7 @@ Values = NDArray[np.float64]
 NAMES = ("inputs", "model", "name", "schema")  # strings in the output of `evaluate` that are names
 
 
-class ReportError(BenchError):
+class ReportError(ProgramError):
     """Error of echofuse-report, with a one-line message and an exit code."""
 
 

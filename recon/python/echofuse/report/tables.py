@@ -167,8 +167,8 @@ def equal_within_errors(a: Row, b: Row, metric: str) -> bool:
 def best_of(rows: Sequence[Row], metric: str) -> list[bool]:
     """For each row, returns whether it is the best row or does not differ significantly from it.
     Ignores scores of few maps."""
-    most = max((row.means[metric].maps for row in rows), default=0)
-    defined = [row.means[metric].maps >= max(FEW, most / 2) for row in rows]
+    max_maps = max((row.means[metric].maps for row in rows), default=0)
+    defined = [row.means[metric].maps >= max(FEW, max_maps / 2) for row in rows]
     best = min((row for row, is_defined in zip(rows, defined) if is_defined),
                key=lambda row: loss(metric, row.means[metric].mean), default=None)
     return [is_defined and best is not None and equal_within_errors(row, best, metric)

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import run as runs
-from .programs import BenchError, call, not_started, path_of
+from .programs import ProgramError, call, not_started, path_of
 
 __all__ = ["annotate", "import_arrays", "plain", "record", "write_run"]
 
@@ -261,7 +261,7 @@ def import_arrays(out: Path, sections: dict[str, dict[str, Any]], arrays: dict[s
             np.save(pathlib.Path(folder, f"{name}.npy"), plain(name, table)[0])
         try:
             call(acquire_program(program), "import", folder, *out_option(out), *options)
-        except BenchError as error:
+        except ProgramError as error:
             message = str(error).replace(f"{folder}/depth.npy", "depth_m")
             message = message.replace('set depth.unit = "m"', "pass floating-point numbers"
                                       ).replace('depth.unit = "mm"', "integers in mm")

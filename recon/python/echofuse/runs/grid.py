@@ -50,11 +50,11 @@ def to_map(columns: list[tuple[int, int]], rows: list[tuple[int, int]], size: tu
     inside = [pixels[top:bottom, left:right].ravel() for top, bottom in rows
               for left, right in columns]
     count = np.array([len(cell) for cell in inside])
-    most = int(count.max(initial=1))
+    max_pixels = int(count.max(initial=1))
     # Indices of the source pixels of each target pixel, padded with the index of an invalid pixel.
-    places = np.array([np.pad(cell, (0, most - len(cell)), constant_values=pixels.size)
-                       for cell in inside], int).reshape(-1, most)
-    first, last = np.arange(len(places)), most - 1
+    places = np.array([np.pad(cell, (0, max_pixels - len(cell)), constant_values=pixels.size)
+                       for cell in inside], int).reshape(-1, max_pixels)
+    first, last = np.arange(len(places)), max_pixels - 1
 
     def of_cells(image: NDArray[np.uint16]) -> NDArray[np.float32]:
         near = np.append(np.where(image <= limit, image, 0), np.uint16(0))

@@ -7,13 +7,13 @@ import pathlib
 import subprocess
 import sys
 
-__all__ = ["EXIT_CODES", "BenchError", "UsageError", "call", "not_started", "path_of"]
+__all__ = ["EXIT_CODES", "ProgramError", "UsageError", "call", "not_started", "path_of"]
 
 
 EXIT_CODES = "exit codes:  0 ok, 1 failed, 2 usage, "  # each program appends its own codes
 
 
-class BenchError(RuntimeError):
+class ProgramError(RuntimeError):
     """Error of a program or a method, with its message and exit code."""
 
     code = 1
@@ -23,7 +23,7 @@ class BenchError(RuntimeError):
         self.code = code or self.code
 
 
-class UsageError(BenchError):
+class UsageError(ProgramError):
     """Error in the command line."""
 
     code = 2
@@ -45,7 +45,7 @@ def not_started(path: str, reason: str) -> UsageError:
 def call(program: str, *words: object,
          ok: tuple[int, ...] = (0,)) -> subprocess.CompletedProcess[str]:
     """Runs a program and returns its output. Raises an error with the last line printed by the
-    program: BenchError for exit code 1, and UsageError for all other nonzero exit codes, because
+    program: ProgramError for exit code 1, and UsageError for all other nonzero exit codes, because
     these are not caused by the method."""
     path = program if os.sep in program else path_of(program)
     try:
@@ -54,7 +54,7 @@ def call(program: str, *words: object,
     except OSError as error:
         raise not_started(path, error.strerror) from None
     if done.returncode not in ok:
-        kind = BenchError if done.returncode == 1 else UsageError
+        kind = ProgramError if done.returncode == 1 else UsageError
         lines = [line for line in done.stderr.splitlines() if line.strip()
                  and line != "Run with --help for more information."]
         last = (lines or [f"exit code {done.returncode}"])[-1]

@@ -169,7 +169,7 @@ class Run:
 
     @errors_with_path
     def _read(self) -> None:
-        most = max(self.path.stat().st_size, MIN_AXIS_LIMIT)
+        max_points = max(self.path.stat().st_size, MIN_AXIS_LIMIT)
         layout = (self.axes, self.antennas, self.zones) if self.info else None
         with self._opened() as db:
             self.axes = {row[0]: Axis(*row) for row in db.execute(
@@ -177,11 +177,11 @@ class Run:
                 "CAST(step AS REAL),"
                 " CAST(scale AS REAL) FROM axis")}
             for name, axis in self.axes.items():
-                if (not 0 <= axis.count <= most or not abs(axis.start) < 1e15
+                if (not 0 <= axis.count <= max_points or not abs(axis.start) < 1e15
                     or not 1e-15 < abs(axis.step) < 1e15):
                     raise ValueError(f"{self.path}: axis {name}: {axis.count} points from "
                                      f"{axis.start:g} in steps of {axis.step:g}; expected at most "
-                                     f"{most} points and plausible positions")
+                                     f"{max_points} points and plausible positions")
             cursor = db.execute("SELECT * FROM run")
             self.info = dict(zip((column[0] for column in cursor.description), cursor.fetchone()))
             self.meta = meta_of(self.path, self.info.pop("meta"))
