@@ -16,12 +16,12 @@ LATENCIES_NS = [20_000_000 * 2**i for i in range(8)]
 LATENCY_NS = 250_000_000
 GRACE_NS = 500_000_000  # time after the end of a slot during which frames of the slot are still accepted
 SETTLING_NS = 5_000_000_000  # time that the clock fit needs to become valid again after a clock jump
-PATIENCE_NS = 5_000_000_000
+OVERRUN_DELAY_NS = 5_000_000_000
 CLOCK_ERROR_NS = 100_000_000  # smaller backward steps of a device clock are not detected
 SETTLED = 200  # number of samples that a clock fit needs to become valid
 NUMBER_FIELD = range(20, 24)  # byte range of the frame number in a radar frame
-BELIEVED_GAP = 100  # larger gaps in radar frame numbers count as losses only after the next frame confirms them
-RECEIVED_WHOLE = {"sent", "garbage"}
+MAX_PLAUSIBLE_GAP = 100  # larger gaps in radar frame numbers count as losses only after the next frame confirms them
+FULLY_RECEIVED = {"sent", "garbage"}
 
 
 class Run:
@@ -162,7 +162,7 @@ def audit_tags(run, entries):
 def audit_tags_within(run, entries, latency_ns):
     account = Account("tdc")
     tags = Tags(entries, latency_ns)
-    overruns = [(e["t"] - PATIENCE_NS, None, e["tags"]) for e in entries if e["what"] == "overrun"]
+    overruns = [(e["t"] - OVERRUN_DELAY_NS, None, e["tags"]) for e in entries if e["what"] == "overrun"]
     late, outside = run.counters["spd", "late"], run.counters["spd", "outside"]
     items = [(first, by, n) for first, by, n, _ in tags.delivered]
     in_records = bounded(account, "tags", run, "tags", items, late)
@@ -205,11 +205,11 @@ class Frames:
                 continue
             known = self.by_number.get(entry["frame"])
             # keeps the log entry of the client that received the frame
-            if not known or entry["what"] in RECEIVED_WHOLE:
+            if not known or entry["what"] in FULLY_RECEIVED:
                 self.by_number[entry["frame"]] = entry
 
     def certain(self, number):
-        return number in self.by_number and self.by_number[number]["what"] in RECEIVED_WHOLE
+        return number in self.by_number and self.by_number[number]["what"] in FULLY_RECEIVED
 
     # frames have no checksum, so the daemon may accept a damaged frame with a wrong number
     def doubtful(self, number):
@@ -325,7 +325,7 @@ def move_jump(before, after):
     """Moves a loss to the previous range, because the daemon counts a large jump in the frame
     number only after the next frame confirms it."""
     missing = len(before.numbers) - before.got - before.late - before.lost
-    if missing > BELIEVED_GAP:
+    if missing > MAX_PLAUSIBLE_GAP:
         move = min(missing, after.lost)
         before.lost += move
         after.lost -= move

@@ -50,7 +50,7 @@ def fail(text, code=NO_DEVICE):
 def require_packages():
     if pack.MISSING:  # --help works without the packages
         fail(f"{pack.MISSING}; the bridges require numpy, and also crc32c if {pack.NAME} is missing (Debian packages: "
-             "python3-numpy python3-crc32c)" + (f"; {pack.why_not}" if pack.why_not else ""))
+             "python3-numpy python3-crc32c)" + (f"; {pack.failure}" if pack.failure else ""))
 
 
 def block(kind, sequence, payload, dropped=0):
@@ -346,22 +346,22 @@ class Stop:
     threading.Event, because the interrupted thread may hold the lock of the Event."""
 
     def __init__(self):
-        self._asked = False
+        self._requested = False
         for name in (signal.SIGINT, signal.SIGTERM):
             signal.signal(name, self._handle)
 
     def _handle(self, name, _frame):
         signal.signal(name, signal.SIG_DFL)
-        self._asked = True
+        self._requested = True
 
     def __bool__(self):
-        return self._asked
+        return self._requested
 
     def wait(self, seconds):
         end = time.monotonic() + seconds
-        while not self._asked and (left := end - time.monotonic()) > 0:
+        while not self._requested and (left := end - time.monotonic()) > 0:
             time.sleep(min(left, 0.05))  # Python resumes sleep() after a signal, so sleep in short steps
-        return self._asked
+        return self._requested
 
 
 def run(address, open_device, items):

@@ -9,9 +9,9 @@ import bridge
 from pack import np
 
 WAIT_MS = 100    # longest wait for a frame; it may delay the handling of a signal
-SILENCE_S = 3.0  # restart the stream after this time without a frame; if it stays silent, reopen the device
+NO_DATA_S = 3.0  # restart the stream after this time without a frame; if it stays silent, reopen the device
 
-MOST_LOST = 1 << 20  # larger jumps of the frame number are not counted as lost frames
+MAX_LOST = 1 << 20  # larger jumps of the frame number are not counted as lost frames
 
 # A frame from the SDK: frame number, device time in us, image size, and depths as unsigned 16-bit multiples of
 # mm_per_step.
@@ -40,12 +40,12 @@ def parse_arguments(arguments, text, epilog, height, depth_modes=False):
     return parser.parse_args(arguments)
 
 
-def known_name(kind, wanted, names):
-    """Returns the name in the camera's list that equals `wanted` except for case."""
+def known_name(kind, requested, names):
+    """Returns the name in the camera's list that equals `requested` except for case."""
     for name in names:
-        if name.casefold() == wanted.casefold():
+        if name.casefold() == requested.casefold():
             return name
-    raise RuntimeError(f"no {kind} \"{wanted}\"; this camera has "
+    raise RuntimeError(f"no {kind} \"{requested}\"; this camera has "
                        + (", ".join(f'"{name}"' for name in names) or "none"))
 
 
@@ -62,13 +62,13 @@ class Camera:
 
     def began(self, lens):
         """Computes the tangents of the pixel centres; they increase to the right and upwards."""
-        size, asked = (lens.width, lens.height), (self._options.width, self._options.height)
-        mode = f"{asked[0]} x {asked[1]} pixels"
+        size, requested = (lens.width, lens.height), (self._options.width, self._options.height)
+        mode = f"{requested[0]} x {requested[1]} pixels"
         if not (lens.fx > 0 and lens.fy > 0 and np.isfinite([lens.fx, lens.fy, lens.cx, lens.cy]).all()):
             raise RuntimeError(f"the SDK has no valid intrinsics for the depth mode of {mode}: fx {lens.fx:g}, fy "
                                f"{lens.fy:g}; without intrinsics, the directions of the pixels are unknown; choose "
                                "another --width and --height, or update the SDK and the camera's firmware")
-        if size != asked:
+        if size != requested:
             raise RuntimeError(f"the intrinsics are for {size[0]} x {size[1]} pixels; expected {mode}")
         self._axes = -lens.cx / lens.fx, 1 / lens.fx, lens.cy / lens.fy, -1 / lens.fy
 
@@ -77,8 +77,8 @@ class Camera:
         options, done = self._options, []
         for kind in ("depth mode", "preset"):
             key = kind.replace(" ", "_")
-            if (wanted := getattr(options, key, None)) is not None:
-                done.append(f'{kind} "{getattr(self, "set_" + key)(wanted)}"')
+            if (requested := getattr(options, key, None)) is not None:
+                done.append(f'{kind} "{getattr(self, "set_" + key)(requested)}"')
         if options.no_projector:
             if not self.projector_off():
                 raise RuntimeError("this camera cannot switch off its projector")
@@ -102,7 +102,7 @@ class Camera:
         self._restarted = False
         ahead = 0 if self._last_index is None else frame.index - self._last_index - 1 - self._odd
         if ahead > 0:
-            server.lose(ahead if ahead <= MOST_LOST else 1)
+            server.lose(ahead if ahead <= MAX_LOST else 1)
         self._last_index, self._odd = frame.index, 0
         server.send(bridge.DEPTH, self._payload(frame), 1)
         return 0
@@ -110,20 +110,20 @@ class Camera:
     def _fault(self, frame):
         """Returns the name and value of the frame's first invalid property, or None if all
         properties are valid. The comparisons are written so that NaN counts as invalid."""
-        size, asked = (frame.width, frame.height), (self._options.width, self._options.height)
-        if size != asked or frame.steps.nbytes != 2 * size[0] * size[1]:
+        size, requested = (frame.width, frame.height), (self._options.width, self._options.height)
+        if size != requested or frame.steps.nbytes != 2 * size[0] * size[1]:
             return "size", f"{size[0]} x {size[1]} pixels and {frame.steps.nbytes} bytes"
-        for name, value, least in (("number", frame.index, 0), ("time (us)", frame.time_us, 0), ("step (mm)", frame.mm_per_step, 1e-6)):
-            if not least <= value < 1 << 64:
+        for name, value, minimum in (("number", frame.index, 0), ("time (us)", frame.time_us, 0), ("step (mm)", frame.mm_per_step, 1e-6)):
+            if not minimum <= value < 1 << 64:
                 return name, f"{value:g}"
         return None
 
     def _watch(self, server):
-        if time.monotonic() - self._last_frame_s < SILENCE_S:
+        if time.monotonic() - self._last_frame_s < NO_DATA_S:
             return
         if self._restarted:
             raise RuntimeError("no frames arrived after a restart of the stream")
-        bridge.say(f"no frame has arrived for {SILENCE_S:g} s; restarting the stream")
+        bridge.say(f"no frame has arrived for {NO_DATA_S:g} s; restarting the stream")
         self.stop()
         self.start()
         server.lose(1)  # a restart loses at least one frame; the true number is unknown because frame numbers restart

@@ -46,7 +46,7 @@ def open_library():
     return found, None
 
 
-library, why_not = open_library()
+library, failure = open_library()
 if library is None:
     try:
         from crc32c import crc32c

@@ -75,8 +75,8 @@ class Camera(camera.Camera):
         return self._hello
 
     def wait(self, timeout_ms):
-        came, frames = self._pipeline.try_wait_for_frames(timeout_ms)
-        frame = frames.get_depth_frame() if came else None
+        received, frames = self._pipeline.try_wait_for_frames(timeout_ms)
+        frame = frames.get_depth_frame() if received else None
         return camera.Frame(frame.get_frame_number(), 1000 * frame.get_timestamp(), frame.get_width(),
                             frame.get_height(), np.asarray(frame.get_data(), "<u2"),
                             round(1000 * frame.get_units(), 6)) if frame else None  # the SDK returns a float

@@ -13,8 +13,8 @@ import pack
 import vendor
 from pack import np
 
-MOST_EVENTS = (1 << 28) - 1  # largest buffer that the library accepts
-SILENCE_S = 3.0              # test the device after this time without tags
+MAX_EVENTS = (1 << 28) - 1  # largest buffer that the library accepts
+NO_DATA_S = 3.0              # test the device after this time without tags
 ANSWER_MS = 1000             # time limit for the answer to the test
 RATE_S = 1.0                 # time over which the tag rate is averaged
 WARNING_S = 60.0                # minimum time between two identical warnings
@@ -85,7 +85,7 @@ def parse_arguments(arguments):
     add("--conditional-filter", metavar="PS", type=number(int, 0, 2_000_000),
         help="send only the laser pulses that follow a photon, and delay the sync by PS picoseconds (explained below)")
     add("--test-signal", action="store_true", help="switch on the built-in test signal on the start channel and the click channel")
-    add("--max-events", metavar="N", type=number(int, 1000, MOST_EVENTS), default=1 << 24,
+    add("--max-events", metavar="N", type=number(int, 1000, MAX_EVENTS), default=1 << 24,
         help="number of tags that fit in the buffer of the library (default: 16777216); if the buffer overflows, tags "
              "are lost, and one lost tag is counted for each block")
     add("--block-ms", metavar="MS", type=number(float, 1, 500), default=20.0, help="time between blocks of tags, ms (default: 20)")
@@ -141,8 +141,8 @@ class Tagger:
             for channel, volts in options.trigger_level:
                 tagger.setTriggerLevel(channel, volts)
             self._set_delays()
-            for channel, asked_ps in options.dead_time:
-                bridge.say(f"dead time of channel {channel}: {tagger.setDeadtime(channel, asked_ps)} ps (requested: {asked_ps} ps)")
+            for channel, requested_ps in options.dead_time:
+                bridge.say(f"dead time of channel {channel}: {tagger.setDeadtime(channel, requested_ps)} ps (requested: {requested_ps} ps)")
             filtered = options.conditional_filter is not None
             if filtered or not shared:
                 tagger.setConditionalFilter([options.click_channel] if filtered else [],
@@ -196,21 +196,21 @@ class Tagger:
             self._watch(bool(blocks))
         return 0 if lost else self._options.block_ms * 1e-3
 
-    def _watch(self, tags_came):
+    def _watch(self, has_tags):
         """Raises an error if the device is gone. isRunning() may still return true after the device
         has been unplugged. sync() succeeds only if the device responds, and does not need any
         tags."""
         now = time.monotonic()
-        if tags_came:
+        if has_tags:
             self._last_tags_s, self._dark_reported = now, False
         if self._options.network and not self._tagger.isConnected():
             raise RuntimeError(f"the connection to the server {self._options.network} was lost")
-        if now - self._last_tags_s < SILENCE_S:
+        if now - self._last_tags_s < NO_DATA_S:
             return
         if not self._tagger.sync(ANSWER_MS):
-            raise RuntimeError(f"no tags have arrived for {SILENCE_S:g} s, and the device does not answer; it is disconnected")
+            raise RuntimeError(f"no tags have arrived for {NO_DATA_S:g} s, and the device does not answer; it is disconnected")
         if not self._dark_reported:
-            bridge.say(f"no tags have arrived for {SILENCE_S:g} s, but the device answers; check that the laser is on "
+            bridge.say(f"no tags have arrived for {NO_DATA_S:g} s, but the device answers; check that the laser is on "
                        "and that the trigger levels are correct")
         self._dark_reported = True
         self._last_tags_s = time.monotonic()
@@ -243,12 +243,12 @@ class Replay:
     def __init__(self, library, tagger, path):
         self._tagger, self._path, self._began = tagger, path, False
 
-    def step(self, wanted):
-        """Starts the replay when `wanted` becomes true; returns True when it has ended."""
+    def step(self, running):
+        """Starts the replay when `running` becomes true; returns True when it has ended."""
         tagger = self._tagger
         if self._began:
             return tagger.waitForCompletion(timeout=0)
-        if wanted:
+        if running:
             self._began = True
             if hasattr(tagger, "run"):
                 tagger.run(speed=1.0)
@@ -262,8 +262,8 @@ class BufferStream:
     """Tag stream for libraries without CustomMeasurement: wraps TimeTagStream, which returns the tags as four
     columns."""
 
-    def __init__(self, library, tagger, channels, most):
-        self._stream, self._most = library.TimeTagStream(tagger, most, channels), most
+    def __init__(self, library, tagger, channels, max_events):
+        self._stream, self._max_events = library.TimeTagStream(tagger, max_events, channels), max_events
         self._channels = channels
         self.isRunning, self.stop = self._stream.isRunning, self._stream.stop
 
@@ -275,10 +275,10 @@ class BufferStream:
                              ("channel", data.getChannels()), ("time", data.getTimestamps())):
             tags[name] = column
         # if the buffer is full, at least one tag was lost; the library does not count lost tags
-        return pack.pack(tags, self._channels), int(data.size >= self._most)
+        return pack.pack(tags, self._channels), int(data.size >= self._max_events)
 
 
-def custom_stream(library, tagger, channels, most):
+def custom_stream(library, tagger, channels, max_events):
     """Tag stream as a custom measurement: the library calls process() with 16-byte tags. Has the same interface as
     BufferStream."""
     class Stream(library.CustomMeasurement):
@@ -294,7 +294,7 @@ def custom_stream(library, tagger, channels, most):
             # the call.
             if len(incoming_tags) == 0:
                 return
-            if self._held + len(incoming_tags) > most:
+            if self._held + len(incoming_tags) > max_events:
                 self._lost += len(incoming_tags)
                 return
             blocks = pack.pack(incoming_tags, channels)
@@ -333,11 +333,11 @@ class Losses:
         now = time.monotonic()
         if now - self._begin_s >= RATE_S:
             if self._places and now >= self._next_warning_s:
-                self._tell(now - self._begin_s)
+                self._report(now - self._begin_s)
                 self._next_warning_s = now + WARNING_S
             self._begin_s, self._tags, self._starts, self._places = now, 0, 0, {}
 
-    def _tell(self, seconds):
+    def _report(self, seconds):
         rate = self._tags / max(seconds, 1e-9)
         text = f"tags are lost at a tag rate of {rate * 1e-6:.2f} million/s ({16e-6 * rate:.0f} MB/s): " \
             f"{' and '.join(self._places)}"
@@ -365,9 +365,9 @@ def scan(library, options):
     finally:
         tagger.setTriggerLevel(channel, before)
         library.freeTimeTagger(tagger)
-    most = max(rate for _, rate in found) or 1
+    highest = max(rate for _, rate in found) or 1
     for volts, rate in found:
-        print(f"{volts:7.3f} V {rate:12.0f} /s  {'#' * round(40 * rate / most)}")
+        print(f"{volts:7.3f} V {rate:12.0f} /s  {'#' * round(40 * rate / highest)}")
     best = plateau(found)
     if len(best) < 3:
         bridge.say(f"channel {channel} has no plateau; check the pulses and the edge (the sign of the channel number)")
@@ -392,8 +392,8 @@ def main():
     vendor.use_python()
     options = parse_arguments(sys.argv[1:])
     bridge.require_packages()
-    if pack.why_not:
-        bridge.fail(f"{pack.why_not}; the library is part of the build: copy it into the folder of the bridge, or set "
+    if pack.failure:
+        bridge.fail(f"{pack.failure}; the library is part of the build: copy it into the folder of the bridge, or set "
                     "ECHOFUSE_BRIDGE_LIBRARY to its path; it requires Debian's libisal2")
     pack.keep_freed_memory()
     # module names of newer and older libraries

@@ -45,9 +45,9 @@ def version_of_package(name):
         return ""
 
 
-def check_version(package, found, least):
+def check_version(package, found, minimum):
     """Exits with instructions if numpy 2 is installed and the package is too old to support it."""
-    numbers = [[int(n) for n in re.findall(r"\d+", text)[:3]] for text in (found, least, np.__version__)]
+    numbers = [[int(n) for n in re.findall(r"\d+", text)[:3]] for text in (found, minimum, np.__version__)]
     if found and numbers[0] < numbers[1] and numbers[2][0] >= 2:
-        bridge.fail(f"{package} {found} does not work with numpy {np.__version__}; expected {least} or later: "
+        bridge.fail(f"{package} {found} does not work with numpy {np.__version__}; expected {minimum} or later: "
              f"{sys.executable} -m pip install --upgrade {package}")

@@ -145,7 +145,7 @@ class Frames(CameraCase):
     def test_silent_camera_causes_a_restart_of_the_pipeline_and_then_of_the_device(self):
         camera = self.open()
         camera.poll(self.outlet)
-        with mock.patch.object(shared, "SILENCE_S", 0.1), contextlib.redirect_stderr(io.StringIO()):
+        with mock.patch.object(shared, "NO_DATA_S", 0.1), contextlib.redirect_stderr(io.StringIO()):
             sdk.silent = True
             while recorder.calls[-1] != ("start",) or recorder.calls[-2] != ("stop",):
                 camera.poll(self.outlet)

@@ -206,7 +206,7 @@ class Tags(unittest.TestCase):
 
 class Silence(unittest.TestCase):
     def setUp(self):
-        patch = mock.patch.object(timetagger, "SILENCE_S", 0.1), mock.patch.object(timetagger, "ANSWER_MS", 10)
+        patch = mock.patch.object(timetagger, "NO_DATA_S", 0.1), mock.patch.object(timetagger, "ANSWER_MS", 10)
         for each in patch:
             each.start()
             self.addCleanup(each.stop)
