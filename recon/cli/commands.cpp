@@ -80,9 +80,9 @@ class ReconstructReport {
     std::map<std::string, std::vector<const RecordStatus*>> similar;
     for (const auto& r : faults_) similar[r.fault.empty() ? r.note : r.fault].push_back(&r);
     for (const auto& r : faults_)
-      if (similar.at(r.fault.empty() ? r.note : r.fault).size() < many_alike) report(r);
+      if (similar.at(r.fault.empty() ? r.note : r.fault).size() < summary_threshold) report(r);
     for (const auto& [text, of] : similar)
-      if (of.size() >= many_alike)
+      if (of.size() >= summary_threshold)
         std::fprintf(stderr, "%s: %zu records between %lld and %lld: %s\n", printable(run_).c_str(),
                      of.size(), static_cast<long long>(of.front()->index),
                      static_cast<long long>(of.back()->index), printable(text).c_str());
@@ -119,7 +119,7 @@ class ReconstructReport {
   }
   // If at least this many records have the same fault or note, only one line is printed for all of
   // them.
-  static constexpr std::size_t many_alike = 10;
+  static constexpr std::size_t summary_threshold = 10;
   std::string run_;
   bool follow_, quiet_;
   std::size_t good_ = 0, left_out_ = 0;
@@ -170,7 +170,7 @@ Command add_reconstruct(CLI::App& app, const Common& common) {
     reconstruct(model, a->run, *a);
     if (!model.first().uncertainty && !common.quiet)
       std::fprintf(stderr, "%s: %s: %s\n", printable(a->model).c_str(), calibration_of(model),
-                   why_not_calibrated);
+                   reason_not_calibrated);
     talk.finish(a->out);
     if (interrupted()) return ExitCode::interrupted;
     return talk.all_well() ? ExitCode::ok : ExitCode::partial;

@@ -116,7 +116,7 @@ nlohmann::json paired_json(const std::vector<MethodScores>& all) {
 
 // Returns the sensors needed by at least one of `models`; empty if all models return a constant
 // map.
-std::optional<Inputs> asked_by(const std::vector<TrainedModel>& models) {
+std::optional<Inputs> inputs_needed_by(const std::vector<TrainedModel>& models) {
   std::optional<Inputs> out;
   for (const TrainedModel& model : models)
     if (const Inputs own = model.first().features.inputs;
@@ -178,11 +178,11 @@ ExitCode evaluate_models(const Arguments& a, const Common& common) {
     require_map(other, models[0].first().scene.grid, "the model");
   }
   const Dataset& trained_on = a.train.empty() ? data : other;
-  const std::optional<Inputs> asked = count > 1 ? asked_by(models) : std::nullopt;
+  const std::optional<Inputs> needed = count > 1 ? inputs_needed_by(models) : std::nullopt;
   std::optional<ScoringScene> scoring;
   if (!a.train.empty()) scoring = scoring_scene(other);
   for (const TrainedModel& model : models)
-    if (!scoring && model.knows(data)) scoring = scoring_scene(model, data);
+    if (!scoring && model.was_trained_on(data)) scoring = scoring_scene(model, data);
   std::vector<Evaluation> all;
   std::vector<MethodScores> scored;
   for (std::size_t k = 0; k < count; ++k) {
@@ -191,8 +191,8 @@ ExitCode evaluate_models(const Arguments& a, const Common& common) {
         prepare_records(model, k + 1 < count ? recorded : std::move(recorded), a.range_offset_m);
     const Rows whole = rows_to_evaluate(model, records.data, a.all);
     Rows rows = whole;
-    std::erase_if(rows,
-                  [&](auto row) { return asked && !fault_of(records.data, row, *asked).empty(); });
+    std::erase_if(
+        rows, [&](auto row) { return needed && !fault_of(records.data, row, *needed).empty(); });
     if (rows.empty())
       throw Error(
           ExitCode::failed,
@@ -231,11 +231,11 @@ std::vector<std::string> notes_on_truth(const Dataset& data, const std::vector<S
 
 // Marks the records excluded by --rows. `test` keeps only the test records of the default split;
 // `listed` keeps only the records listed in the records.csv file of at least one folder.
-void leave_out_unasked(const std::string& asked, const std::vector<WrittenMaps>& folders,
-                       const Dataset& data, std::vector<std::string>& left_out) {
-  if (asked.empty()) return;
+void exclude_unselected(const std::string& selection, const std::vector<WrittenMaps>& folders,
+                        const Dataset& data, std::vector<std::string>& left_out) {
+  if (selection.empty()) return;
   std::set<std::int64_t> expected;
-  if (asked == "test") {
+  if (selection == "test") {
     for (const std::size_t row : make_split(rows_to_train(data, inputs_of(data)).rows, {}).test)
       expected.insert(data.records[row].index);
   } else {
@@ -255,7 +255,7 @@ std::vector<std::string> reasons_left_out(const Arguments& a,
                                           const std::vector<TrainedModel>& models,
                                           const std::vector<Records>& records) {
   std::vector<std::string> out = left_out_of_maps(written, data, a.all);
-  leave_out_unasked(a.rows, written, data, out);
+  exclude_unselected(a.rows, written, data, out);
   for (std::size_t k = 0; k < models.size(); ++k) {
     const auto of_model = left_out_of_evaluation(models[k], records[k].data, a.all);
     for (std::size_t row = 0; row < out.size(); ++row)

@@ -49,7 +49,7 @@ std::vector<std::string> left_out(const Dataset& data, Inputs inputs) {
     if (!fault_of(data, row, inputs).empty()) return dead_record;
     const std::size_t first = copies.first(data.records[row].content, row);
     if (first == row) return {};
-    if (data.source_of(first) == data.source_of(row)) return twice_in_run;
+    if (data.source_of(first) == data.source_of(row)) return duplicate_in_run;
     return "also in " + printable(data.sources[data.source_of(first)].path);
   };
   std::vector<std::string> out;

@@ -18,7 +18,7 @@ inline constexpr const char* dead_record = "the same in every bin";
 // Reason to exclude a record: it was used for training or validation of the model.
 inline constexpr const char* trained_on_record = "trained on";
 // Reason to exclude a record: an earlier record of the run has the same counts.
-inline constexpr const char* twice_in_run = "twice in the run";
+inline constexpr const char* duplicate_in_run = "twice in the run";
 
 // Verdicts that exclude a record: doubtful ones, and "lossy". A model stores the exclusions of its
 // training, and match() applies them to the records that it processes.

@@ -22,7 +22,7 @@ void normalise(std::span<float> values) {
 
 namespace {
 
-void bring_to_strength(std::span<float> values, const std::string& scaling) {
+void scale_to_strength(std::span<float> values, const std::string& scaling) {
   if (scaling == "record" || scaling == "root") normalise(values);
   if (scaling == "sqrt" || scaling == "root")
     for (float& v : values) v = std::sqrt(std::max(v, 0.f));
@@ -55,8 +55,8 @@ Matrix Features::raw_inputs(const Dataset& data, const Rows& rows) const {
 Matrix Features::normalised_inputs(const Dataset& data, const Rows& rows) const {
   Matrix out = raw_inputs(data, rows);
   for (std::size_t i = 0; i < out.rows; ++i) {
-    bring_to_strength(out.row(i).first(spd_count()), scaling);
-    bring_to_strength(out.row(i).last(radar_count()), scaling);
+    scale_to_strength(out.row(i).first(spd_count()), scaling);
+    scale_to_strength(out.row(i).last(radar_count()), scaling);
   }
   return out;
 }

@@ -83,9 +83,9 @@ void sum_zones(Dataset& data) {
 }  // namespace
 
 Error axis_error(const std::string& path, const ColumnAxis& found, const ColumnAxis& expected,
-                 const std::string& whose) {
+                 const std::string& reference) {
   return {ExitCode::failed, printable(path) + ": " + expected.name + " axis is " + describe(found) +
-                                ", " + whose + " is " + describe(expected) + ": " +
+                                ", " + reference + " is " + describe(expected) + ": " +
                                 difference(found, expected)};
 }
 

@@ -30,7 +30,7 @@ double PileUp::correct(std::span<float> counts, double pulses) const {
   const double period = window_ps_ / pulses / bin_width_ps_, dead = dead_time_ps_ / bin_width_ps_;
   const double whole = std::isinf(dead) ? 0 : std::floor(dead / period);
   const double rest = dead - whole * period;
-  double least = 1;
+  double minimum = 1;
   for (std::size_t i = 0; i < counts.size(); ++i) {
     const double middle = static_cast<double>(i) + 0.5, since = middle - rest;
     // Number of pulses for which the detector is dead in bin i. It is the sum of the clicks within
@@ -41,9 +41,9 @@ double PileUp::correct(std::span<float> counts, double pulses) const {
     const auto found = double{counts[i]};
     const double ready = std::max(pulses - blocked, found + 0.5);
     counts[i] = static_cast<float>(-pulses * std::log1p(-found / ready));
-    least = std::min(least, (pulses - blocked) / pulses);
+    minimum = std::min(minimum, (pulses - blocked) / pulses);
   }
-  return least;
+  return minimum;
 }
 
 }  // namespace echofuse::recon

@@ -72,7 +72,7 @@ record::RadarResponse response_of_cosine(int order, double cell_m) {
 // lower quartile of the standard deviations of these columns. The standard deviation of a column is
 // estimated as its median minus its 15.87 % quantile, because values above the median contain
 // echoes.
-float quiet_deviation(const Matrix& table, const Rows& rows, std::size_t first,
+float noise_deviation(const Matrix& table, const Rows& rows, std::size_t first,
                       std::size_t stride) {
   constexpr double one_deviation_below = 0.1587;
   std::vector<float> deviations;
@@ -163,11 +163,11 @@ void ModelResponse::archive(Archive archive) {
 }
 
 std::vector<record::RadarResponse> wider_responses(const record::RadarResponse& than) {
-  constexpr double least = 1.05;
+  constexpr double min_ratio = 1.05;
   std::vector<record::RadarResponse> out;
   for (int order = 1; than.known() && order <= 4; ++order)
     if (auto response = response_of_cosine(order, than.cell_m);
-        response.width_m() > least * than.width_m())
+        response.width_m() > min_ratio * than.width_m())
       out.push_back(std::move(response));
   return out;
 }
@@ -178,7 +178,7 @@ RadarNoise radar_noise(const Dataset& data, const Rows& rows) {
     auto& deviations = out.emplace_back();
     const std::size_t count = column.axis.values_per_bin();
     for (std::size_t k = 0; k < count; ++k)
-      deviations.push_back(quiet_deviation(column, rows, k, count));
+      deviations.push_back(noise_deviation(column, rows, k, count));
   });
   return out;
 }

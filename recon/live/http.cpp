@@ -65,9 +65,9 @@ const PageFile* part_of(const Caller& caller) {
 Caller caller_of(const HttpRequest& request, const Access& access, bool socket) {
   const std::string_view host = field(request, http::field::host);
   const auto target = request.target();
-  const Target expected = target_of({target.data(), target.size()});
+  const Target requested = target_of({target.data(), target.size()});
   Caller out;
-  out.path = expected.path, out.may_write = access.may_write(expected.token);
+  out.path = requested.path, out.may_write = access.may_write(requested.token);
   out.page = !access.many;
   if (access.many) choose(out);
   const auto refuse = [&](http::status status, const char* why) {
@@ -90,7 +90,7 @@ Caller caller_of(const HttpRequest& request, const Access& access, bool socket) 
   if (!open && !access.accepts_origin(field(request, http::field::origin), host_of(request)))
     return refuse(http::status::forbidden,
                   "cross-origin request: only pages from this server may send requests");
-  if (!open && !access.may_read(expected.token))
+  if (!open && !access.may_read(requested.token))
     return refuse(http::status::unauthorized,
                   "token missing or wrong: open the full address printed by the program");
   const bool list = out.path == "/runs" && !out.page;

@@ -100,16 +100,17 @@ std::optional<PeakFit> fit_peak(std::span<const double> values, const Axis& axis
 }
 
 std::size_t bins_before_return(std::span<const double> counts) {
-  constexpr std::size_t neighbours = 5, least = 10, margin = 3;
+  constexpr std::size_t neighbours = 5, min_bins = 10, margin = 3;
   const auto sum_of = [&](std::size_t first, std::size_t count) {
     const auto bins = counts.subspan(first, count);
     return std::accumulate(bins.begin(), bins.end(), 0.0);
   };
-  double sum = sum_of(0, std::min(least, counts.size()));
-  for (std::size_t i = least; i + neighbours <= counts.size(); sum += counts[i++]) {
+  double sum = sum_of(0, std::min(min_bins, counts.size()));
+  for (std::size_t i = min_bins; i + neighbours <= counts.size(); sum += counts[i++]) {
     const double expected = sum / static_cast<double>(i) * neighbours;
     const double here = sum_of(i, neighbours);
-    if (here > expected + 5 * std::sqrt(expected) + 5) return i > least + margin ? i - margin : 0;
+    if (here > expected + 5 * std::sqrt(expected) + 5)
+      return i > min_bins + margin ? i - margin : 0;
   }
   return counts.size();
 }

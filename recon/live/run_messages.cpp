@@ -138,14 +138,14 @@ Json RunMessages::sensors() const {
 // Returns the most frequent doubtful verdict on a sensor in the run, and the last record with any
 // doubtful verdict on it; null if no verdict is doubtful.
 Json RunMessages::worst(Sensor sensor) const {
-  std::pair<std::int64_t, record::VerdictKind> most{};
+  std::pair<std::int64_t, record::VerdictKind> most_frequent{};
   for (const auto& [kind, records] : run_.verdicts().by_sensor[sensor])
-    if (record::row_of(kind).doubtful) most = std::max(most, {records, kind});
+    if (record::row_of(kind).doubtful) most_frequent = std::max(most_frequent, {records, kind});
   const auto last = run_.sensors()[sensor].last_doubtful;
   if (!last) return nullptr;
-  const record::VerdictRow& row = record::row_of(most.second);
+  const record::VerdictRow& row = record::row_of(most_frequent.second);
   Json out = end_of(run_.outlines()[*last]);
-  out.update({{"word", row.word}, {"valid", row.valid}, {"records", most.first}});
+  out.update({{"word", row.word}, {"valid", row.valid}, {"records", most_frequent.first}});
   return out;
 }
 

@@ -143,7 +143,7 @@ class RunReconstructor {
 
  private:
   Dataset read(const record::RunReader& run, std::size_t at_most);
-  Rows take_rows_asked(const Dataset& data);
+  Rows take_requested_rows(const Dataset& data);
   Records prepare_new(Dataset data);
   // Statuses of several consecutive records, each with the files of the map if the record has one.
   using PreparedMaps = std::vector<std::pair<RecordStatus, std::optional<MapFiles::Ready>>>;
@@ -178,7 +178,7 @@ Dataset RunReconstructor::read(const record::RunReader& run, std::size_t at_most
 
 // Returns the rows of a complete run that were requested by options.rows. Discards the reports of
 // unusable records that are not requested.
-Rows RunReconstructor::take_rows_asked(const Dataset& data) {
+Rows RunReconstructor::take_requested_rows(const Dataset& data) {
   if (options_.rows.empty()) return all_rows(data.size());
   if (options_.rows == "test") {
     Rows rows = model_.rows_of(data, Subset::test);
@@ -205,7 +205,7 @@ void RunReconstructor::take_all(const record::RunReader& run) {
   const auto count = static_cast<std::size_t>(run.count());
   Progress progress("reconstructing", count, options_.quiet);
   const Records records = prepare_records(model_, read(run, count), options_.range_offset_m);
-  const Rows rows = take_rows_asked(records.data);
+  const Rows rows = take_requested_rows(records.data);
   // Also finds training records by their counts, in case the run is a copy with another identifier.
   std::set<std::int64_t> trained = trained_on(model_, run.info().uuid);
   for (const std::size_t row : model_.rows_trained_on(records.data))

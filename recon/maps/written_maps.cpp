@@ -187,7 +187,7 @@ std::vector<std::string> left_out_of_maps(const std::vector<WrittenMaps>& folder
       if (!all && maps.trained_on.contains(index)) out[row] = trained_on_record;
     }
     if (out[row].empty() && copies.first(data.records[row].content, row) != row)
-      out[row] = twice_in_run;
+      out[row] = duplicate_in_run;
   }
   return out;
 }

@@ -29,8 +29,8 @@ std::size_t ArrayView::size() const {
                             parts_ * 2 * lags_of(std::size_t{method::lags_of_parts});
 }
 
-std::size_t ArrayView::lags_of(std::size_t most) const {
-  return std::min(across_, most) + std::min(up_, most);
+std::size_t ArrayView::lags_of(std::size_t max_lag) const {
+  return std::min(across_, max_lag) + std::min(up_, max_lag);
 }
 
 std::size_t ArrayView::cost() const {
@@ -51,7 +51,7 @@ void ArrayView::add(std::span<const float> bin, double weight, Lags& to) const {
 // steps.
 double ArrayView::direction_of(const Lags& sum) const {
   const auto antennas = static_cast<double>(across_ + 1);
-  double best = 0, most = -INFINITY;
+  double best = 0, max_power = -INFINITY;
   for (int k = 0; k < method::directions; ++k) {
     const double u = -1 + 2 * (k + 0.5) / method::directions;
     const std::complex<double> turn = std::polar(1.0, -pi * u);
@@ -61,7 +61,7 @@ double ArrayView::direction_of(const Lags& sum) const {
       power *= turn;
       beam += (antennas - static_cast<double>(d)) * (sum[d] * power).real();
     }
-    if (beam > most) most = beam, best = u;
+    if (beam > max_power) max_power = beam, best = u;
   }
   for (int i = 0; i < method::refinements; ++i) {
     double slope = 0, curvature = 0;
@@ -105,10 +105,10 @@ void ArrayView::operator()(std::span<const float> lags, double range_m,
     const auto share = lag / all[0].real();
     out[at++] = static_cast<float>(share.real()), out[at++] = static_cast<float>(share.imag());
   };
-  const auto put_lags = [&](const Lags& sum, std::size_t most) {
-    for (std::size_t d = 1; d <= std::min(across_, most); ++d)
+  const auto put_lags = [&](const Lags& sum, std::size_t max_lag) {
+    for (std::size_t d = 1; d <= std::min(across_, max_lag); ++d)
       put(sum[d] * std::polar(1.0, -pi * static_cast<double>(d) * u));
-    for (std::size_t d = 1; d <= std::min(up_, most); ++d) put(sum[across_ + d]);
+    for (std::size_t d = 1; d <= std::min(up_, max_lag); ++d) put(sum[across_ + d]);
   };
   put_lags(all, lags_in_all);
   for (const Lags& part : parts) put_lags(part, std::size_t{method::lags_of_parts});

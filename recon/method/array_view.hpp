@@ -39,8 +39,9 @@ class ArrayView {
   void add(std::span<const float> bin, double weight, Lags& to) const;
   double direction_of(const Lags& sum) const;
 
-  // Returns the number of lags that are used: at most `most` horizontal and `most` vertical ones.
-  std::size_t lags_of(std::size_t most) const;
+  // Returns the number of lags that are used: at most `max_lag` horizontal and `max_lag` vertical
+  // ones.
+  std::size_t lags_of(std::size_t max_lag) const;
 
   std::size_t across_ = 0, up_ = 0, bins_ = 0, parts_ = 0;
   double first_m_ = 0, step_m_ = 1, part_m_ = 1;

@@ -10,12 +10,12 @@
 namespace echofuse::recon {
 namespace {
 
-float least_of(Negative negative) {
+float minimum_of(Negative negative) {
   return negative == Negative::left_out ? 0.f : std::numeric_limits<float>::lowest();
 }
 
 ECHOFUSE_CLONES BinSums sum(const float* counts, const float* all, std::size_t from, std::size_t to,
-                            float least) {
+                            float minimum) {
   constexpr std::size_t four = 4;
   using Floats [[gnu::vector_size(4 * four)]] = float;
   using Doubles [[gnu::vector_size(8 * four)]] = double;
@@ -26,13 +26,14 @@ ECHOFUSE_CLONES BinSums sum(const float* counts, const float* all, std::size_t f
     Floats here, with_background;
     std::memcpy(&here, counts + i, sizeof here);
     std::memcpy(&with_background, all + i, sizeof with_background);
-    const Doubles weight = __builtin_convertvector(here > least ? here : Floats{} + least, Doubles);
+    const Doubles weight =
+        __builtin_convertvector(here > minimum ? here : Floats{} + minimum, Doubles);
     counts_in += weight, moment += weight * bin;
     all_in += __builtin_convertvector(with_background, Doubles);
   }
   BinSums out;
   for (; i < to; ++i) {
-    const double weight = double{std::max(counts[i], least)};
+    const double weight = double{std::max(counts[i], minimum)};
     out.counts += weight, out.moment += weight * static_cast<double>(i);
     out.all += double{all[i]};
   }
@@ -45,7 +46,7 @@ ECHOFUSE_CLONES BinSums sum(const float* counts, const float* all, std::size_t f
 
 BinSums bin_sums(std::span<const float> counts, std::span<const float> all, std::size_t from,
                  std::size_t to, Negative negative) {
-  return sum(counts.data(), all.data(), from, to, least_of(negative));
+  return sum(counts.data(), all.data(), from, to, minimum_of(negative));
 }
 
 }  // namespace echofuse::recon

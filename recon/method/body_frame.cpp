@@ -74,11 +74,11 @@ BodyFrame::BodyFrame(const Matrix& maps, std::span<const float> background, cons
       top_m_ = std::min(top_m_, down), bottom = std::max(bottom, down);
     }
   }
-  const std::size_t most = std::size_t{grid.size} * 3 / 2;
+  const std::size_t max_extent = std::size_t{grid.size} * 3 / 2;
   // Pixel pitch at the mean depth of the bodies; a finer pitch adds no detail.
   pitch_m_ = x.step * depth;
   const auto cells = [&](double extent) {
-    return std::clamp<std::size_t>(static_cast<std::size_t>(extent / pitch_m_) + 2, 2, most);
+    return std::clamp<std::size_t>(static_cast<std::size_t>(extent / pitch_m_) + 2, 2, max_extent);
   };
   columns_ = cells(right - left_m_), rows_ = cells(bottom - top_m_);
 }
@@ -135,10 +135,10 @@ struct Drawing {
   std::size_t columns, side;   // number of cell columns, and side length of the map in pixels
   CellInterpolation across, down;
   Span map_columns, map_rows;
-  float depth_m, least;
+  float depth_m, threshold;
 };
 
-// Writes the depth of the body to each pixel with a mask above `least`. If `share` is not null,
+// Writes the depth of the body to each pixel with a mask above `threshold`. If `share` is not null,
 // also writes the mask of each pixel to `share`.
 ECHOFUSE_CLONES void draw_rows(const Drawing& d, float* map, float* share) {
   const std::size_t first = d.map_columns.first, count = d.map_columns.last - first;
@@ -166,8 +166,8 @@ ECHOFUSE_CLONES void draw_rows(const Drawing& d, float* map, float* share) {
     std::size_t begin = 0, end = count;
     if (!share) {  // restricts the row to pixels near cells above the threshold
       std::size_t some = 0, last = cells;
-      while (some < cells && mask_row[some] <= d.least) ++some;
-      while (last > some && mask_row[last - 1] <= d.least) --last;
+      while (some < cells && mask_row[some] <= d.threshold) ++some;
+      while (last > some && mask_row[last - 1] <= d.threshold) --last;
       if (some == last) continue;
       begin = some > 0 ? from[some - 1] : 0, end = from[last];
     }
@@ -177,7 +177,7 @@ ECHOFUSE_CLONES void draw_rows(const Drawing& d, float* map, float* share) {
       const float *masks = &mask_row[0] + at, *reliefs = &relief_row[0] + at;
       const float body = masks[0] + part[c] * (masks[1] - masks[0]);
       const float ahead = reliefs[0] + part[c] * (reliefs[1] - reliefs[0]);
-      const bool seen = body > d.least;
+      const bool seen = body > d.threshold;
       const float depth = d.depth_m + ahead / (seen ? body : 1.f);
       map[start + c] = seen ? depth : map[start + c];
       if (share) share[start + c] = std::clamp(body, 0.f, 1.f);
@@ -188,14 +188,14 @@ ECHOFUSE_CLONES void draw_rows(const Drawing& d, float* map, float* share) {
 }  // namespace
 
 void BodyFrame::draw_onto(std::span<const float> mask, std::span<const float> relief,
-                          const Place& place, float least, std::span<float> map,
+                          const Place& place, float threshold, std::span<float> map,
                           std::span<float> share) const {
   const Axis x = grid_.x(), y = grid_.y();
   const std::size_t side = grid_.size;
   const double z = double{place.depth_m}, cells_a_tangent = z / pitch_m_;
   Drawing d;
   d.mask = mask.data(), d.relief = relief.data(), d.columns = columns_, d.side = side;
-  d.depth_m = place.depth_m, d.least = least;
+  d.depth_m = place.depth_m, d.threshold = threshold;
   place_along((x.start - double{place.tangent}) * cells_a_tangent - left_m_ / pitch_m_,
               x.step * cells_a_tangent, side, d.across);
   place_along(y.start * cells_a_tangent - top_m_ / pitch_m_, y.step * cells_a_tangent, side,
@@ -226,9 +226,9 @@ std::size_t BodyFrame::draw_cost() const {
 
 void BodyFrame::archive(Archive archive, const record::MapGrid& grid) {
   grid_ = grid;
-  const std::int64_t most = std::int64_t{grid_.size} * 3 / 2;
-  archive.count("columns", columns_, 2, most);
-  archive.count("rows", rows_, 2, most);
+  const std::int64_t max_extent = std::int64_t{grid_.size} * 3 / 2;
+  archive.count("columns", columns_, 2, max_extent);
+  archive.count("rows", rows_, 2, max_extent);
   archive.number("left_m", left_m_, -100, 100);
   archive.number("top_m", top_m_, -100, 100);
   archive.number("pitch_m", pitch_m_, 1e-6, 100);

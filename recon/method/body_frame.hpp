@@ -50,10 +50,10 @@ class BodyFrame {
   void archive(Archive archive, const record::MapGrid& grid);
 
  private:
-  // Draws the body on pixels with a mask above `least`. If `share` is not empty, also writes the
-  // mask of all pixels to `share`.
+  // Draws the body on pixels with a mask above `threshold`. If `share` is not empty, also writes
+  // the mask of all pixels to `share`.
   void draw_onto(std::span<const float> mask, std::span<const float> relief, const Place& place,
-                 float least, std::span<float> map, std::span<float> share) const;
+                 float threshold, std::span<float> map, std::span<float> share) const;
 
   record::MapGrid grid_;  // grid of the maps
   std::size_t columns_ = 0, rows_ = 0;

@@ -19,7 +19,7 @@ constexpr double max_behind = 0.25;
 // Minimum depth of a return, relative to the mean foreground depth.
 constexpr float nearest_share = 0.125f;
 // Maximum fraction of values below the minimum depth in a map of returns.
-constexpr double most_nearer = 0.1;
+constexpr double max_nearer = 0.1;
 
 std::vector<float> median_map(const Matrix& depth, const Rows& rows) {
   // The median of about 1000 maps is accurate enough.
@@ -40,11 +40,11 @@ void clear_behind_bodies(std::vector<float>& background, const Matrix& depth, co
 }
 
 // Clamps the values to [0, most].
-ECHOFUSE_CLONES void clamp(const float* values, float most, float* __restrict out,
+ECHOFUSE_CLONES void clamp(const float* values, float maximum, float* __restrict out,
                            std::size_t count) {
   for (std::size_t i = 0; i < count; ++i) {
     const float v = values[i], low = v < 0 ? 0 : v;
-    out[i] = low > most ? most : low;
+    out[i] = low > maximum ? maximum : low;
   }
 }
 
@@ -119,8 +119,8 @@ ECHOFUSE_CLONES void share_of(const float* prediction, const float* background, 
     const float off = prediction[p] - background[p], way = depth_m - background[p];
     // False if background and foreground have almost equal depths, so that they cannot be
     // distinguished.
-    const bool tells = std::abs(way) > foreground_step_m;
-    out[p] = (tells ? off : 0.f) / (tells ? way : 1.f);
+    const bool distinct = std::abs(way) > foreground_step_m;
+    out[p] = (distinct ? off : 0.f) / (distinct ? way : 1.f);
   }
 }
 
@@ -137,7 +137,7 @@ ECHOFUSE_CLONES void mark_returns(const float* prediction, const float* backgrou
 bool holds_returns(std::span<const float> map, const SceneModel& scene) {
   const ReturnCounts found = returns_of(map.data(), scene.background.data(),
                                         nearest_share * scene.foreground_depth_m, map.size());
-  return double(found.nearer) <= most_nearer * double(found.count);
+  return double(found.nearer) <= max_nearer * double(found.count);
 }
 
 std::vector<float> foreground_share(std::span<const float> prediction, const SceneModel& scene) {

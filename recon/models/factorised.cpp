@@ -14,8 +14,8 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr std::size_t cut_at_once = 4096;  // batch size in records; limits memory use
-constexpr float nearest_m = 0.1f;          // minimum range of a body, m
+constexpr std::size_t records_per_batch = 4096;  // batch size in records; limits memory use
+constexpr float nearest_m = 0.1f;                // minimum range of a body, m
 // Minimum scale of an input, relative to the median of all scales.
 constexpr double min_deviation = 0.05;
 // Range and step of the mask threshold, in percent. The threshold with the best IoU on held-out
@@ -88,9 +88,9 @@ void Factorised::learn_scale(const Matrix& features) {
   for (std::size_t c = 0; c < features.cols; ++c)
     model_.deviation[c] = static_cast<float>(std::sqrt(columns.variance[c]));
   std::vector<float> sorted = model_.deviation;
-  const float least = static_cast<float>(min_deviation) * quantile(sorted, 0.5);
+  const float minimum = static_cast<float>(min_deviation) * quantile(sorted, 0.5);
   for (float& deviation : model_.deviation) {
-    deviation = std::max(deviation, least);
+    deviation = std::max(deviation, minimum);
     if (deviation == 0) deviation = 1;
   }
 }
@@ -219,8 +219,8 @@ Matrix Factorised::amounts(const Bodies& seen, const Samples& samples) const {
       for (std::size_t k = 0; k < found.cols; ++k)
         out.row(row + i)[column + k] = found.row(i)[k] / unit;
   };
-  for (std::size_t first = 0; first < records; first += cut_at_once) {
-    Rows which = all_rows(std::min(cut_at_once, records - first));
+  for (std::size_t first = 0; first < records; first += records_per_batch) {
+    Rows which = all_rows(std::min(records_per_batch, records - first));
     for (std::size_t& i : which) i += first;
     const Shapes bodies = cut(seen, samples, which);
     put(bodies.masks, model_.masks, first, 0);

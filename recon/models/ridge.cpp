@@ -21,7 +21,7 @@ using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::Ro
 // squared largest singular value. `projected`: |U'Y|^2 for each singular vector. `total`: |Y|^2.
 double best_penalty(const Eigen::VectorXd& s, const Eigen::VectorXd& projected, double total,
                     double records) {
-  double best = 0, least = std::numeric_limits<double>::max();
+  double best = 0, lowest = std::numeric_limits<double>::max();
   const double outside = std::max(total - projected.sum(), 0.0);
   for (int quarter_decades = -40; quarter_decades <= 4; ++quarter_decades) {
     const double penalty = std::pow(10, 0.25 * quarter_decades) * s(0) * s(0);
@@ -32,7 +32,7 @@ double best_penalty(const Eigen::VectorXd& s, const Eigen::VectorXd& projected, 
     const double freedom = records - 1 - kept.sum();  // subtracts 1 for the fitted mean
     if (freedom < 1e-3 * records) continue;
     const double gcv = residual / (freedom * freedom);
-    if (gcv < least) least = gcv, best = penalty;
+    if (gcv < lowest) lowest = gcv, best = penalty;
   }
   return best;
 }

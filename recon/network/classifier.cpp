@@ -31,9 +31,9 @@ void Classifier::learn_scale(const Matrix& usual, const Matrix& other) {
         static_cast<float>(std::sqrt((a.variance[c] + b.variance[c]) / 2 + apart * apart / 4)));
   }
   std::vector<float> sorted = spread_;
-  const float least = min_spread * quantile(sorted, 0.5);
+  const float minimum = min_spread * quantile(sorted, 0.5);
   for (float& v : spread_) {
-    v = std::max(v, least);
+    v = std::max(v, minimum);
     if (v == 0) v = 1;
   }
 }

@@ -47,11 +47,11 @@ double to_slopes(const RowTargets& row_targets, std::size_t columns, float* outp
 }
 
 constexpr std::size_t values_at_once = 1 << 16;  // number of output values in one part of a batch
-constexpr double most = 1e18;                    // largest value allowed in a model file
+constexpr double max_value = 1e18;               // largest value allowed in a model file
 
 bool sound(const std::vector<float>& values) {
   return std::all_of(values.begin(), values.end(),
-                     [](float v) { return std::abs(v) <= static_cast<float>(most); });
+                     [](float v) { return std::abs(v) <= static_cast<float>(max_value); });
 }
 
 }  // namespace
@@ -118,11 +118,11 @@ TrainingLog Regression::fit(const Examples& train, const Examples& validation, S
                   .order_rng = make_rng(training.seed, order_stream),
                   .redraw_rng = make_rng(training.seed, redraw_stream),
                   .log = {},
-                  .least = most};
+                  .lowest_loss = max_value};
   s.best = s.parameters;
   // The initial weights predict the mean of the targets. These weights are kept unless an epoch has
   // a lower validation loss.
-  if (!validation.rows.empty()) s.least = rms_error(validation, training.loss, s.parameters);
+  if (!validation.rows.empty()) s.lowest_loss = rms_error(validation, training.loss, s.parameters);
   while (s.epoch < training.epochs && s.epoch - s.log.best_epoch < training.patience) {
     train_epoch(train, training, s);
     const bool broken = interrupted();
@@ -145,7 +145,7 @@ void Regression::tune(const Examples& train, const Training& training, const std
                   .order_rng = make_rng(training.seed, order_stream),
                   .redraw_rng = make_rng(training.seed, redraw_stream),
                   .log = {},
-                  .least = most};
+                  .lowest_loss = max_value};
   for (; s.epoch < training.epochs && !interrupted(); ++s.epoch, s.row = 0)
     train_epoch(train, training, s);
   if (!sound(s.parameters))
@@ -225,13 +225,14 @@ void Regression::end_epoch(const Examples& validation, const Loss& loss, Trainin
   const double score =
       unvalidated ? -static_cast<double>(s.epoch) : rms_error(validation, loss, s.parameters);
   // Checks the weights as well, because the loss was computed before the last step.
-  if (!(s.log.loss.back() <= most && score <= most) || !sound(s.parameters))
+  if (!(s.log.loss.back() <= max_value && score <= max_value) || !sound(s.parameters))
     throw Error(ExitCode::failed, title + " diverged in epoch " + std::to_string(s.epoch + 1) +
                                       ": weights are not finite; use a smaller "
                                       "learning_rate");
   s.log.validation_loss.push_back(unvalidated ? s.log.loss.back() : score);
   ++s.epoch, s.row = 0, s.squares = 0;
-  if (score < s.least) s.least = score, s.best = s.parameters, s.log.best_epoch = s.epoch;
+  if (score < s.lowest_loss)
+    s.lowest_loss = score, s.best = s.parameters, s.log.best_epoch = s.epoch;
 }
 
 // Makes one training step, and returns the sum of the squared errors, in units of the spread.

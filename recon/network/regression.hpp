@@ -68,7 +68,7 @@ struct TrainingState {
   Rows order;  // order of the records in this epoch
   Rng order_rng, redraw_rng;
   TrainingLog log;
-  double least;  // lowest validation loss so far
+  double lowest_loss;  // lowest validation loss so far
   // Number of completed epochs, and of records processed in the current epoch.
   std::size_t epoch = 0, row = 0;
   double squares = 0;  // sum of the squared errors in the current epoch

@@ -43,10 +43,10 @@ struct Strip {
 // one or two strips, and a large product has at most eight, because BLAS packs the other factor
 // again for each strip.
 std::vector<Strip> parts_of(std::size_t m, std::size_t n, std::size_t k) {
-  constexpr std::size_t small = 4'000'000, narrowest = 128, few = 2, most = 8;
+  constexpr std::size_t small = 4'000'000, narrowest = 128, few = 2, many = 8;
   const std::size_t work = m * n * k;
   if (work < small) return {{0, 0, m, n}};
-  const std::size_t side = std::max(m, n), strips = work < 8 * small ? few : most;
+  const std::size_t side = std::max(m, n), strips = work < 8 * small ? few : many;
   const std::size_t width = std::max(narrowest, ((side + strips - 1) / strips + 63) / 64 * 64);
   std::vector<Strip> out;
   for (std::size_t first = 0; first < side; first += width) {

@@ -45,9 +45,9 @@ Components principal_components(Matrix table, std::size_t count, std::uint64_t s
   const auto mean = column_statistics(table, all_rows(table.rows)).mean;
   out.mean.assign(mean.begin(), mean.end());
   subtract(table, out.mean);
-  const std::size_t most = std::min(table.rows, table.cols);
-  count = std::min(count, most);
-  Matrix q(std::min(count + spare_directions, most), table.cols);
+  const std::size_t max_count = std::min(table.rows, table.cols);
+  count = std::min(count, max_count);
+  Matrix q(std::min(count + spare_directions, max_count), table.cols);
   Rng rng = make_rng(seed, 0);
   std::normal_distribution<float> normal;
   for (float& v : q.values) v = normal(rng);

@@ -38,11 +38,11 @@ HWY_INLINE void add_tile(std::size_t k, const float* HWY_RESTRICT a, std::size_t
     hn::StoreU(left[r], d, c + r * ldc), hn::StoreU(right[r], d, c + r * ldc + lanes);
 }
 
-template <std::size_t most>
+template <std::size_t max_rows>
 HWY_INLINE void add_tile_of(std::size_t rows, std::size_t k, const float* a, std::size_t lda,
                             const float* b, float* c, std::size_t ldc) {
-  if (rows == most) return add_tile<most>(k, a, lda, b, c, ldc);
-  if constexpr (most > 1) add_tile_of<most - 1>(rows, k, a, lda, b, c, ldc);
+  if (rows == max_rows) return add_tile<max_rows>(k, a, lda, b, c, ldc);
+  if constexpr (max_rows > 1) add_tile_of<max_rows - 1>(rows, k, a, lda, b, c, ldc);
 }
 
 // Adds A B to `cols` columns of C (at most one panel), for `k` columns of A and rows of B.

@@ -70,9 +70,9 @@ std::string to_text(const TensorShape& shape) {
   return out;
 }
 
-std::string bounds(double least, double most) {
+std::string bounds(double minimum, double maximum) {
   std::ostringstream out;
-  out << "expected a number from " << least << " to " << most;
+  out << "expected a number from " << minimum << " to " << maximum;
   return out.str();
 }
 
@@ -265,27 +265,27 @@ T Archive::fact(const std::string& name, const char* expected) const {
   return *value;
 }
 
-void Archive::number(const std::string& name, double& value, double least, double most) {
+void Archive::number(const std::string& name, double& value, double minimum, double maximum) {
   if (!reading()) return void(file_->facts[group_ + name] = value);
   const auto at = file_->facts.find(group_ + name);
   const bool whole = at != file_->facts.end() && std::holds_alternative<std::int64_t>(at->second);
   value = whole ? static_cast<double>(fact<std::int64_t>(name, "a number"))
                 : fact<double>(name, "a number");
-  require(value >= least && value <= most, name, bounds(least, most));
+  require(value >= minimum && value <= maximum, name, bounds(minimum, maximum));
 }
 
-void Archive::number(const std::string& name, float& value, double least, double most) {
+void Archive::number(const std::string& name, float& value, double minimum, double maximum) {
   auto wide = double{value};
-  number(name, wide, least, most);
+  number(name, wide, minimum, maximum);
   value = static_cast<float>(wide);
 }
 
-void Archive::whole_number(const std::string& name, std::int64_t& value, std::int64_t least,
-                           std::int64_t most) {
+void Archive::integer(const std::string& name, std::int64_t& value, std::int64_t minimum,
+                      std::int64_t maximum) {
   if (!reading()) return void(file_->facts[group_ + name] = value);
   value = fact<std::int64_t>(name, "a whole number");
-  require(value >= least && value <= most, name,
-          bounds(static_cast<double>(least), static_cast<double>(most)));
+  require(value >= minimum && value <= maximum, name,
+          bounds(static_cast<double>(minimum), static_cast<double>(maximum)));
 }
 
 void Archive::text(const std::string& name, std::string& value,
@@ -300,7 +300,7 @@ void Archive::text(const std::string& name, std::string& value,
 
 bool Archive::part(const std::string& name, bool there) {
   auto number = std::int64_t{there};
-  whole_number(name, number, 0, 1);
+  integer(name, number, 0, 1);
   return number != 0;
 }
 

@@ -91,12 +91,12 @@ class Archive {
   template <class T>
   void values(const std::string& name, std::vector<T>& values, std::size_t count);
   void table(const std::string& name, Matrix& table, std::size_t rows, std::size_t cols);
-  void number(const std::string& name, double& value, double least, double most);
-  void number(const std::string& name, float& value, double least, double most);
+  void number(const std::string& name, double& value, double minimum, double maximum);
+  void number(const std::string& name, float& value, double minimum, double maximum);
   template <class Integer>
-  void count(const std::string& name, Integer& value, std::int64_t least, std::int64_t most) {
+  void count(const std::string& name, Integer& value, std::int64_t minimum, std::int64_t maximum) {
     auto whole = static_cast<std::int64_t>(value);
-    whole_number(name, whole, least, most);
+    integer(name, whole, minimum, maximum);
     value = static_cast<Integer>(whole);
   }
   // Reads or writes a string, which must be one of `allowed`; an empty list allows any string.
@@ -109,8 +109,8 @@ class Archive {
   void require(bool sound, const std::string& name, const std::string& expected) const;
 
  private:
-  void whole_number(const std::string& name, std::int64_t& value, std::int64_t least,
-                    std::int64_t most);
+  void integer(const std::string& name, std::int64_t& value, std::int64_t minimum,
+               std::int64_t maximum);
   template <class T>
   T fact(const std::string& name, const char* expected) const;
 

@@ -113,7 +113,7 @@ std::string adapt_to_room(TrainedModel& model, const std::string& path, double r
                                       " models cannot be used in another room; expected a "
                                       "factorised or mean-shape model");
   const std::vector<float>& home = model.first().scene.background;
-  if (!model.first().knows_empty_room &&
+  if (!model.first().has_empty_room &&
       std::any_of(home.begin(), home.end(), [](float depth_m) { return depth_m > 0; }))
     text += std::string(text.empty() ? "" : "; ") +
             "the model was trained without --empty, so the walls of the training room may affect "

@@ -75,10 +75,10 @@ bool shows_sides(const Layout& layout) {
 }
 
 void archive_training(Archive archive, FitOptions& fit, TrainingLog& log) {
-  constexpr std::int64_t most = 1 << 30;
+  constexpr std::int64_t max_count = 1 << 30;
   archive.values("loss_m", log.loss, Archive::any);
   archive.values("validation_loss_m", log.validation_loss, log.loss.size());
-  archive.count("best_epoch", log.best_epoch, 0, most);
+  archive.count("best_epoch", log.best_epoch, 0, max_count);
   // The fit options below are stored only for information, and are never read.
   if (archive.reading()) return;
   std::vector<std::int64_t> hidden;
@@ -90,7 +90,7 @@ void archive_training(Archive archive, FitOptions& fit, TrainingLog& log) {
                                     {"patience", fit.patience},
                                     {"basis", fit.basis}}) {
     std::size_t count = value.value_or(0);
-    archive.count(name, count, 0, most);
+    archive.count(name, count, 0, max_count);
   }
   double rate = fit.learning_rate.value_or(0), decay = fit.weight_decay.value_or(0);
   archive.number("learning_rate", rate, 0, 1e9), archive.number("weight_decay", decay, 0, 1e9);
@@ -141,7 +141,7 @@ void Estimator::archive(Archive archive) {
       !takes_views || shows_sides(layout), "inputs",
       "expected fused, because this kind of model needs both sensors, or a detector with zones");
   recon::archive(archive.in("scene"), scene);
-  archive.count("knows_empty_room", knows_empty_room, 0, 1);
+  archive.count("knows_empty_room", has_empty_room, 0, 1);
   archive.number("train_s", train_s, 0, 1e12);
   archive_training(archive.in("training"), fit, log);
   const bool aligned = archive.part("aligned", alignment.known());
@@ -164,14 +164,14 @@ void Estimator::archive(Archive archive) {
 
 Preprocessing::Preprocessing(const Dataset& data, const Rows& train, Inputs inputs,
                              SceneModel of_rows, bool needed, const Dataset& empty)
-    : scene(std::move(of_rows)), knows_empty_room(empty.size() > 0) {
+    : scene(std::move(of_rows)), has_empty_room(empty.size() > 0) {
   const auto started = std::chrono::steady_clock::now();
   views.rows = data.size();
   if (!needed || inputs == Inputs::radar) return;
   const Features sensors = fit_features(data, train, inputs, raw_scaling);
   const Matrix observations = observe(data, all_rows(data.size()), sensors);
   alignment = Alignment(sensors.layout(), observations, train);
-  if (knows_empty_room) alignment.set_background(mean_observation(empty, sensors));
+  if (has_empty_room) alignment.set_background(mean_observation(empty, sensors));
   views = align(observations, alignment);
   elapsed_s = seconds_since(started);
 }
@@ -194,7 +194,7 @@ Estimator fit_model(const Dataset& data, const Split& split, const Preprocessing
                 "detector with zones");
   out.scene = preprocessing.scene;
   if (takes_views) out.alignment = preprocessing.alignment;
-  out.knows_empty_room = takes_views && preprocessing.knows_empty_room;
+  out.has_empty_room = takes_views && preprocessing.has_empty_room;
   out.model = kind_of(candidate.model).make();
   Matrix scaled;
   const Matrix& taken = out.inputs(data, all_rows(data.size()), preprocessing.views, scaled);

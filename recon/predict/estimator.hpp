@@ -26,7 +26,7 @@ struct Estimator {
   DomainReference domain;                       // statistics of the training records
   TrainingLog log;
   FitOptions fit;
-  bool knows_empty_room = false;  // true: the training data contained an empty-room run
+  bool has_empty_room = false;  // true: the training data contained an empty-room run
   double train_s = 0;
 
   // Returns the views of the given records (steps 1 and 2 in method.hpp), one per row. The result
@@ -55,7 +55,7 @@ struct Preprocessing {
   Alignment alignment;   // empty if alignment was not requested or SPD data are missing
   Matrix views;          // views of all records in the data set
   double elapsed_s = 0;  // duration, included in the training time of each model
-  bool knows_empty_room;
+  bool has_empty_room;
   // `empty`: records of the room without people, on the axes of `data`; no records if unknown.
   Preprocessing(const Dataset& data, const Rows& train, Inputs inputs, SceneModel scene,
                 bool needed, const Dataset& empty = {});

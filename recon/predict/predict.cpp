@@ -113,7 +113,7 @@ Records prepare_records(const TrainedModel& model, Dataset recorded, double rang
 namespace {
 
 Rows unseen_rows(const TrainedModel& model, const Dataset& data) {
-  if (model.knows(data)) return model.rows_of(data, Subset::test);
+  if (model.was_trained_on(data)) return model.rows_of(data, Subset::test);
   Rows out;
   std::ranges::set_difference(all_rows(data.size()), model.rows_trained_on(data),
                               std::back_inserter(out));
@@ -237,8 +237,8 @@ Matrix TrainedModel::predict(const Dataset& data, const Rows& rows) const {
 
 void require_uncertainty(const TrainedModel& model) {
   if (!model.first().uncertainty)
-    throw Error(ExitCode::usage, std::string("the model is not calibrated: ") + why_not_calibrated +
-                                     "; train the model again");
+    throw Error(ExitCode::usage, std::string("the model is not calibrated: ") +
+                                     reason_not_calibrated + "; train the model again");
 }
 
 }  // namespace echofuse::recon

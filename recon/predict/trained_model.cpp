@@ -95,7 +95,7 @@ std::string TrainedModel::fault_of(const Dataset& data, std::size_t row) const {
   return estimator_for(data, row) ? "" : recon::fault_of(data, row, for_run(data).features.inputs);
 }
 
-bool TrainedModel::knows(const Dataset& data) const {
+bool TrainedModel::was_trained_on(const Dataset& data) const {
   const auto runs = known_runs(training, data);
   return std::any_of(runs.begin(), runs.end(), [](std::int64_t run) { return run >= 0; });
 }

@@ -68,7 +68,7 @@ struct TrainedModel {
   // functions in predict.hpp return more details.
   Matrix predict(const Dataset& data, const Rows& rows) const;
   // Returns true if the model was trained on a run in this data set.
-  bool knows(const Dataset& data) const;
+  bool was_trained_on(const Dataset& data) const;
   // Returns the rows used for training or validation. Recognises copies in other runs by their
   // hash.
   Rows rows_trained_on(const Dataset& data) const;
@@ -83,7 +83,7 @@ inline const char* calibration_of(const TrainedModel& model) {
   return calibration_name(model.first().uncertainty.has_value());
 }
 // Explains which model and training a calibration requires.
-constexpr const char* why_not_calibrated =
+constexpr const char* reason_not_calibrated =
     "calibration needs a model with sensor inputs and an uninterrupted training on at least 50 "
     "records";
 

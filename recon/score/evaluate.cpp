@@ -20,7 +20,7 @@ namespace echofuse::recon {
 namespace {
 
 // Minimum number of records needed to learn the scene from a run.
-constexpr std::size_t least_of_room = 20;
+constexpr std::size_t min_room_records = 20;
 
 // Returns the sensors that have matching axes in both data sets; empty if no sensor has matching
 // axes.
@@ -136,7 +136,7 @@ void score_predictions(const TrainedModel& model, const Records& records, const 
 
 std::vector<std::string> left_out_of_evaluation(const TrainedModel& model, const Dataset& data,
                                                 bool all) {
-  const bool held_out = !all && model.knows(data);
+  const bool held_out = !all && model.was_trained_on(data);
   std::vector<std::string> out(data.size());
   const auto fault = [&](std::size_t row) {
     return data.has(row, Sensor::depth) ? model.fault_of(data, row) : "camera missing";
@@ -154,7 +154,7 @@ std::vector<std::string> left_out_of_evaluation(const TrainedModel& model, const
   for (std::size_t row = 0; row < data.size(); ++row) {
     if (out[row].empty()) out[row] = doubt_of(model, data, row);
     if (!out[row].empty()) continue;
-    if (copies.first(data.records[row].content, row) != row) out[row] = twice_in_run;
+    if (copies.first(data.records[row].content, row) != row) out[row] = duplicate_in_run;
   }
   return out;
 }
@@ -179,7 +179,7 @@ Rows rows_to_evaluate(const TrainedModel& model, const Dataset& data, bool all) 
   throw Error(
       ExitCode::failed,
       path +
-          (!all && model.knows(data)
+          (!all && model.was_trained_on(data)
                ? ": the model was trained on this run, and no valid held-out record is left" +
                      std::string(use_all)
            : trained_on
@@ -198,7 +198,8 @@ ScoringScene scoring_scene(const Dataset& training) {
 
 ScoringScene scoring_scene(const TrainedModel& model, const Dataset& data) {
   const Rows seen = with_sound_depth(data);
-  if (model.knows(data) || seen.size() < least_of_room) return {model.first().scene, {}};
+  if (model.was_trained_on(data) || seen.size() < min_room_records)
+    return {model.first().scene, {}};
   SceneModel own = learn_scene(data.depth(), seen, data.map);
   std::size_t moved = 0;
   for (std::size_t p = 0; p < own.background.size(); ++p)
@@ -262,11 +263,12 @@ Evaluation evaluate(const TrainedModel& model, const Records& records, const Row
   out.late_truth = late_truth(data);
   out.domain_shift = domain_shift_of(model, data);
   if (!data.sources.empty())
-    out.tested = data.sources.front().path + (model.knows(data) ? ", held-out records: " : ": ");
+    out.tested =
+        data.sources.front().path + (model.was_trained_on(data) ? ", held-out records: " : ": ");
   for (const std::size_t row : rows)
     if (const std::string note = model.note_of(data, row); !note.empty()) ++out.fallbacks[note];
   if (!data.damaged.empty()) out.faults["damaged"] = data.damaged.size();
-  if (!model.knows(data)) {
+  if (!model.was_trained_on(data)) {
     for (const std::size_t row : with_depth(data))
       if (!model.fault_of(data, row).empty())
         ++out.faults[has_inputs(data, row, out.inputs) ? dead_record : "missing sensor"];
@@ -274,7 +276,7 @@ Evaluation evaluate(const TrainedModel& model, const Records& records, const Row
     out.of = data.size();
   }
   out.twice = static_cast<std::size_t>(
-      std::ranges::count(left_out_of_evaluation(model, data, false), twice_in_run));
+      std::ranges::count(left_out_of_evaluation(model, data, false), duplicate_in_run));
   for (const auto& [why, count] : out.faults) out.left_out += count;
   score_predictions(model, records, rows, title, out);
   add_doubtful(model, records, out);
@@ -311,7 +313,7 @@ RunningCost measure_cost(const TrainedModel& model, const Dataset& data, const R
                          const std::string& model_path) {
   const Estimator& by = model.for_run(data);
   using SteadyClock = std::chrono::steady_clock;
-  constexpr std::size_t warm_up = 20, repeats = 400, max_at_once = 1000;
+  constexpr std::size_t warm_up = 20, repeats = 400, max_batch = 1000;
   const auto us_of = [&](const Rows& some) {
     const auto started = SteadyClock::now();
     by.maps(data, some);
@@ -321,7 +323,7 @@ RunningCost measure_cost(const TrainedModel& model, const Dataset& data, const R
   for (std::size_t i = 0; i < warm_up + repeats; ++i)
     if (const double taken = us_of({rows[i % rows.size()]}); i >= warm_up) us.push_back(taken);
   std::sort(us.begin(), us.end());
-  const auto some = std::span(rows).first(std::min(rows.size(), max_at_once));
+  const auto some = std::span(rows).first(std::min(rows.size(), max_batch));
   const Rows batch(some.begin(), some.end());
   return {by.cost(),
           us[repeats / 2],

@@ -112,7 +112,7 @@ std::string to_table(const std::vector<ScoredRow>& rows) {
 }
 
 std::string to_text(const std::optional<UncertaintyCalibration>& c) {
-  if (!c) return std::string("not calibrated: ") + why_not_calibrated + "\n";
+  if (!c) return std::string("not calibrated: ") + reason_not_calibrated + "\n";
   const std::string lateral =
       std::isnan(c->within_90)
           ? ""
@@ -155,7 +155,7 @@ std::string notes(const Evaluation& e) {
       out += separator + format("%s %zu", why.c_str(), count), separator = ", ";
     out += '\n';
   }
-  if (e.twice > 0) out += format("records left out: %s %zu\n", twice_in_run, e.twice);
+  if (e.twice > 0) out += format("records left out: %s %zu\n", duplicate_in_run, e.twice);
   if (e.trained_on > 0)
     out += format("%zu of %zu records are copies of training records%s\n", e.trained_on, e.of,
                   e.records + e.trained_on <= e.of ? " and are left out" : " and are scored");

@@ -49,18 +49,18 @@ void Choice::add(const std::string& name, const Dataset& data, Fit fit) {
 
 void Choice::choose(double errors) {
   chosen_ = 0;
-  double most = 0;
+  double best_gain = 0;
   for (std::size_t i = 1; i < entries_.size(); ++i)
     if (const auto [gain, error] = gain_and_error(entries_[i], entries_.front());
-        gain > std::max(most, errors * error))
-      chosen_ = i, most = gain;
+        gain > std::max(best_gain, errors * error))
+      chosen_ = i, best_gain = gain;
 }
 
 std::pair<double, double> Choice::gain_over(std::size_t first, std::size_t last) const {
-  auto least = gain_and_error(entries_[chosen_], entries_[first]);
+  auto smallest = gain_and_error(entries_[chosen_], entries_[first]);
   while (++first < last)
-    least = std::min(least, gain_and_error(entries_[chosen_], entries_[first]));
-  return least;
+    smallest = std::min(smallest, gain_and_error(entries_[chosen_], entries_[first]));
+  return smallest;
 }
 
 std::vector<CrossvalidatedRow> Choice::table() const {

@@ -136,7 +136,7 @@ Rows usable_rows(const Dataset& data, const TrainOptions& options) {
 void warn_of_split(const Dataset& data, const Rows& rows, const Split& split,
                    const SceneModel& scene, const SplitOptions& options) {
   const bool random = options.kind == "random" && !split.test.empty();
-  std::string text = random ? alike_neighbours(data, rows) : "";
+  std::string text = random ? similar_neighbours(data, rows) : "";
   if (text.empty()) text = recurring_scenes(data, split, scene);
   if (!text.empty()) std::fprintf(stderr, "%s\n", text.c_str());
 }

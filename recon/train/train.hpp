@@ -58,7 +58,7 @@ Inputs inputs_to_train(const TrainOptions& options);
 // Returns a warning if a random split would give optimistic scores; otherwise an empty string.
 // Criterion: for many sampled records, the depth map of a neighbouring record is more similar than
 // those of distant records.
-std::string alike_neighbours(const Dataset& data, const Rows& rows);
+std::string similar_neighbours(const Dataset& data, const Rows& rows);
 
 // Returns a warning if scenes recur in training and test records that are not neighbours; otherwise
 // an empty string. Criterion: for most held-out maps with a body, a few training maps are much more

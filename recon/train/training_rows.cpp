@@ -136,7 +136,7 @@ double greatest_gap(std::vector<double> distances) {
 
 }  // namespace
 
-std::string alike_neighbours(const Dataset& data, const Rows& rows) {
+std::string similar_neighbours(const Dataset& data, const Rows& rows) {
   constexpr std::size_t sample = 200, others = 50;
   // Maximum fraction of records that most resemble a neighbour. For independent scenes, the
   // expected fraction is 2/52, because 2 of 52 records are neighbours.
@@ -165,13 +165,13 @@ std::string alike_neighbours(const Dataset& data, const Rows& rows) {
 }
 
 std::string recurring_scenes(const Dataset& data, const Split& split, const SceneModel& scene) {
-  constexpr std::size_t sample = 100, least = 5;
+  constexpr std::size_t sample = 100, min_rows = 5;
   constexpr double min_gap = 3, max_share = 0.5;
   Rows assessed;
   const std::size_t step = split.test.size() / sample + 1;
   for (std::size_t i = 0; i < split.test.size(); i += step)
     if (shows_body(data.depth().row(split.test[i]), scene)) assessed.push_back(split.test[i]);
-  if (assessed.size() < least) return {};
+  if (assessed.size() < min_rows) return {};
   const Matrix maps = sampled(data, assessed), training = sampled(data, split.train);
   std::vector<double> gaps(assessed.size());
   for_each_part(assessed.size(), [&](std::size_t i) {

@@ -52,7 +52,7 @@ Estimator adapt(const Estimator& from, const Dataset& data, const Rows& rows, Ba
   Estimator out;
   out.name = from.name;
   out.features = from.features;
-  out.knows_empty_room = from.knows_empty_room && room == BackgroundSource::kept;
+  out.has_empty_room = from.has_empty_room && room == BackgroundSource::kept;
   out.scene = with_scene ? scene_for(from, data, rows) : from.scene;
   const Rows all = all_rows(data.size());
   out.alignment = wants_alignment(from.name) && room == BackgroundSource::learnt
@@ -80,7 +80,7 @@ Estimator fit_alone(const Estimator& from, const Dataset& data, const Rows& rows
 }
 
 bool are_few(const Estimator& from, const Split& split) {
-  return split.train.size() < TuneOptions::least_alone && wants_alignment(from.name);
+  return split.train.size() < TuneOptions::min_records_alone && wants_alignment(from.name);
 }
 
 // Returns by how many standard errors a candidate must be better than the first model unchanged. A
@@ -130,7 +130,7 @@ void try_all(Choice& choice, const Start& start, const Split& split, const TuneO
   if (aligned)
     add(corrected,
         [&, tuning, room](const Rows& rows) { return adapt(from, data, rows, room, tuning); });
-  const bool many = split.train.size() >= TuneOptions::least_alone;
+  const bool many = split.train.size() >= TuneOptions::min_records_alone;
   for (const double l2_penalty : penalties) {
     if (!many && aligned && l2_penalty < min_penalty_of_few) continue;
     tuning.l2_penalty = l2_penalty;

@@ -15,7 +15,7 @@ namespace echofuse::recon {
 struct TuneOptions {
   static constexpr std::size_t min_records = 10;
   // Minimum number of new records that are required to try a model trained only on them.
-  static constexpr std::size_t least_alone = 50;
+  static constexpr std::size_t min_records_alone = 50;
   SplitOptions split;     // has no validation records, because tuning does not use them
   Tuning tuning;          // its penalty is replaced by the cross-validated penalty
   bool quiet = true;      // false: print each candidate on stderr

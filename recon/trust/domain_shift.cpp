@@ -28,8 +28,8 @@ constexpr double clearly = 4;
 constexpr double not_by_chance = 3;
 constexpr double min_factor = 1.05, max_factor = 10;
 // Differences below these limits are ignored. `min_mean` is in units of the standard deviation
-// between records, and `least_square` is in units of the variance between records.
-constexpr double min_mean = 0.1, least_square = 0.3;
+// between records, and `min_square` is in units of the variance between records.
+constexpr double min_mean = 0.1, min_square = 0.3;
 // Squared deviations are clipped to this value, so that a single outlier has little weight.
 constexpr double max_square = 16;
 
@@ -241,7 +241,7 @@ DomainShift DomainReference::test_numbers(const Matrix& found, bool range_matter
       out.differences.push_back({describe(number, off, off_error), clear});
       if (k == radar_range_number && range_matters)
         out.advice = range_advice(off, off_error), of_range = clear;
-    } else if (squares > clearly && std::abs(difference[square]) > least_square) {
+    } else if (squares > clearly && std::abs(difference[square]) > min_square) {
       out.differences.push_back(
           {format("%s scatters %s", number.name, difference[square] > 0 ? "more" : "less"),
            squares});

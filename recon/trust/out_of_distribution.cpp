@@ -208,12 +208,12 @@ OutOfDistributionDetector::StatisticValues OutOfDistributionDetector::find(
   const auto variance = vector(components_.deviation).array().square();
   const VectorXf weights = basis.transpose() * (amounts.array() / variance).matrix();
   StatisticValues out{{}, histogram};
-  double sum = 0, most = -INFINITY;
+  double sum = 0, largest = -INFINITY;
   for (std::size_t g = 0; g < groups; ++g) {
     const auto first = Index(first_[g]), count = Index(first_[g + 1]) - first;
     const auto along = double{weights.segment(first, count).dot(from_mean.segment(first, count))};
     sum += along;
-    if (along > most) most = along, out.along = static_cast<Group>(g);
+    if (along > largest) largest = along, out.along = static_cast<Group>(g);
     out.values[g] = std::log(double{off.segment(first, count).squaredNorm()} + tiny);
   }
   out.values[t2] = std::log(std::max(sum, 0.0) + tiny);
@@ -245,7 +245,7 @@ OutOfDistributionDetector::Limits OutOfDistributionDetector::limits_for(double t
     const double t = std::clamp((times_wider - from) / (next.times_wider - from), 0., 1.);
     for (std::size_t s = 0; s < statistics; ++s)
       out[s] = {std::lerp(out[s].usual, next.limits[s].usual, t),
-                std::lerp(out[s].most, next.limits[s].most, t)};
+                std::lerp(out[s].limit, next.limits[s].limit, t)};
     from = next.times_wider;
   }
   return out;
@@ -290,11 +290,11 @@ std::vector<OutOfDistributionScore> OutOfDistributionDetector::score(const Matri
 
 void OutOfDistributionDetector::archive(Archive archive, Limits& limits) {
   std::vector<double> values;
-  for (const Limit& l : limits) values.push_back(l.usual), values.push_back(l.most);
+  for (const Limit& l : limits) values.push_back(l.usual), values.push_back(l.limit);
   archive.values("limits", values, 2 * statistics);
   for (std::size_t s = 0; s < statistics; ++s) {
     limits[s] = {values[2 * s], values[2 * s + 1]};
-    archive.require(limits[s].most >= limits[s].usual, "limits",
+    archive.require(limits[s].limit >= limits[s].usual, "limits",
                     "expected a limit above the median");
   }
 }

@@ -80,8 +80,8 @@ class OutOfDistributionDetector {
   };
   // Limit of a statistic, learnt from records that were not used for the fit.
   struct Limit {
-    double usual = 0, most = 1;  // median of the statistic, and its limit
-    double share(double value) const { return (value - usual) / (most - usual); }
+    double usual = 0, limit = 1;  // median of the statistic, and its limit
+    double share(double value) const { return (value - usual) / (limit - usual); }
   };
   void use(const Features& sensors, const Alignment& alignment);
   using Limits = std::array<Limit, statistics>;

@@ -107,8 +107,9 @@ StaticFit fit(const SensorEchoes& known, const Part& found, double step_m) {
   StaticFit best;
   const Rows bins = static_bins(known);
   if (bins.size() < min_bins) return best;
-  const double most = std::floor(max_m / step_m), apart = std::max(1., std::ceil(most / 10));
-  for (double k = -std::floor(most / apart); k * apart <= most; ++k)
+  const double max_shift = std::floor(max_m / step_m),
+               apart = std::max(1., std::ceil(max_shift / 10));
+  for (double k = -std::floor(max_shift / apart); k * apart <= max_shift; ++k)
     if (const StaticFit one = fit_from(known, bins, found, k * apart, apart / 2);
         one.misfit < best.misfit)
       best = one;

@@ -81,8 +81,8 @@ Matrix predictors_of(const Matrix& maps, const SceneModel& scene, const Dataset&
 std::vector<float> LateralError::terms_of(std::span<const float> predictors) const {
   std::vector<float> out(predictors.size());
   for (std::size_t c = 0; c < out.size(); ++c)
-    out[c] = (std::clamp(predictors[c], least_[c], most_[c]) - least_[c]) /
-             std::max(most_[c] - least_[c], 1e-6f);
+    out[c] = (std::clamp(predictors[c], minimum_[c], maximum_[c]) - minimum_[c]) /
+             std::max(maximum_[c] - minimum_[c], 1e-6f);
   return quadratic_terms(out);
 }
 
@@ -96,12 +96,12 @@ void LateralError::fit(const Matrix& predictors, const std::vector<double>& erro
     known_plain += i < plain;
   }
   if (known_plain < min_records) return;
-  least_ = most_ = std::vector<float>(predictors.row(known.front()).begin(),
-                                      predictors.row(known.front()).end());
+  minimum_ = maximum_ = std::vector<float>(predictors.row(known.front()).begin(),
+                                           predictors.row(known.front()).end());
   for (const std::size_t i : known)
     for (std::size_t c = 0; c < predictors.cols; ++c) {
-      least_[c] = std::min(least_[c], predictors.row(i)[c]);
-      most_[c] = std::max(most_[c], predictors.row(i)[c]);
+      minimum_[c] = std::min(minimum_[c], predictors.row(i)[c]);
+      maximum_[c] = std::max(maximum_[c], predictors.row(i)[c]);
     }
   Matrix terms;
   std::vector<float> targets;
@@ -163,10 +163,10 @@ void LateralError::archive(Archive archive, std::size_t predictors) {
                         converted_factor_[k] >= 0,
                     "brought_times_wider", "expected ascending values above 1");
   archive.values("weights", weights_, (n + 1) * (n + 2) / 2);
-  archive.values("least", least_, n);
-  archive.values("most", most_, n);
+  archive.values("least", minimum_, n);
+  archive.values("most", maximum_, n);
   for (std::size_t c = 0; c < n; ++c)
-    archive.require(least_[c] <= most_[c], "least", "expected at most the value in \"most\"");
+    archive.require(minimum_[c] <= maximum_[c], "least", "expected at most the value in \"most\"");
 }
 
 std::vector<PredictionUncertainty> UncertaintyModel::trust(const Matrix& views, const Matrix& maps,

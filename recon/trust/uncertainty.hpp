@@ -67,7 +67,7 @@ class LateralError {
   std::vector<float> terms_of(std::span<const float> predictors) const;
   double factor_for(double times_wider) const;
 
-  std::vector<float> least_, most_;  // smallest and largest value of each predictor
+  std::vector<float> minimum_, maximum_;  // smallest and largest value of each predictor
   std::vector<double> weights_;
   double factor_ = 0;
   std::vector<double> converted_times_wider_, converted_factor_;

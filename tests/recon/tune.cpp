@@ -105,7 +105,7 @@ TEST_CASE(
   CHECK(iou(tuned.model, fresh) > iou(old, fresh) - 0.02);
   CHECK(tuned.table.back().name == "these records alone");
   CHECK(tuned.model.first().uncertainty);
-  CHECK(tuned.model.knows(fresh) == false);
+  CHECK(tuned.model.was_trained_on(fresh) == false);
 }
 
 TEST_CASE("tuning chooses the better of two start models, whatever their order") {
