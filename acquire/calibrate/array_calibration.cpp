@@ -38,7 +38,6 @@ std::vector<double> powers_of(const ArrayFrames& frames, std::size_t antennas) {
 
 double turn(double phase) { return std::remainder(phase, 2 * std::numbers::pi); }
 
-// Fits one wave to the samples x (antennas x frames) and estimates the standard errors.
 AntennaFit fit_wave(const AntennaSamples& x) {
   AntennaFit fit;
   const auto frames = static_cast<double>(x.cols()), antennas = static_cast<double>(x.rows());

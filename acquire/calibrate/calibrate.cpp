@@ -39,7 +39,6 @@ tdc::HistogramSettings fine_axis(const Config& config, double distance_m) {
   return s;
 }
 
-// Collects the samples of one repeat.
 class Gatherer final : public SampleSink {
  public:
   Gatherer(const Config& config, double distance_m) : histogram_(fine_axis(config, distance_m)) {}
@@ -65,7 +64,6 @@ class Gatherer final : public SampleSink {
     if (severity != Severity::info && !running) spdlog::warn("{}: {}", name_of(sensor), text);
   }
 
-  // Returns the histogram of the clicks since the last call.
   std::vector<std::uint32_t> take() {
     counts = histogram_.tag_counts();
     return histogram_.take();
@@ -76,7 +74,7 @@ class Gatherer final : public SampleSink {
   Axis radar_axis;
   TagCounts counts;
   Profiles frames;
-  ArrayFrames arrays;  // antenna samples of the current repeat
+  ArrayFrames arrays;
   std::vector<FirmwareBias> firmware;
 
  private:
@@ -134,8 +132,6 @@ class Measurement {
         fit.gains, steering_of(reflector_, profile.pairs, speed_of_light_m_s / profile.carrier_hz));
     return fit;
   }
-  // Fits the gain and the phase of the reflector's echo at each antenna, in the range bin of the
-  // peak.
   AntennaFit wave() const {
     const Peak peak = options_.side ? echo(frames_) : radar().peak;
     AntennaFit all{.gains = {}, .snr_db = 0, .refusal = peak.refusal};
@@ -302,11 +298,11 @@ class Measurement {
   std::vector<std::uint32_t> all_counts_;
   std::uint64_t starts_ = 0, clicks_ = 0;
   std::vector<Profiles> repeats_;
-  Profiles frames_;  // frames of all repeats
+  Profiles frames_;
   WindowFit window_;
   record::Response radar_;
   std::vector<double> spd_ranges_, radar_ranges_;
-  std::vector<ArrayFrames> arrays_;  // antenna samples of each repeat
+  std::vector<ArrayFrames> arrays_;
 };
 
 Calibration to_calibration(const std::vector<CalibrationResult>& results,
@@ -332,7 +328,6 @@ Calibration to_calibration(const std::vector<CalibrationResult>& results,
   return out;
 }
 
-// Returns the configuration without the ranging sensor that is excluded by `options`.
 Config with_chosen(const Config& all, const CalibrateOptions& options) {
   Config config = all;
   const auto only = options.side ? std::optional(Sensor::radar) : options.only;
@@ -347,8 +342,6 @@ void print(nlohmann::ordered_json json) {
               json.dump(-1, ' ', true, nlohmann::ordered_json::error_handler_t::replace).c_str());
 }
 
-// Prints the results, then writes them to the calibration file or compares them with the stored
-// calibration.
 ExitCode finish(const Measurement& measurement, const Config& config,
                 const CalibrateOptions& options, const Reflector& reflector,
                 const Calibration& stored, const Clock& clock) {

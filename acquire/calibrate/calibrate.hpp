@@ -16,8 +16,7 @@
 namespace echofuse::acquire {
 
 struct CalibrateOptions {
-  Search search;  // distance and search window of the reflector
-  // If false, `side` and `check` use the reflector distance stored in config.calibration.
+  Search search;
   bool distance_given = false;
   Mounting mounting = Mounting::detector;
   double distance_error_m = Reflector().distance_error_m;

@@ -35,7 +35,6 @@ void print_text(const CalibrationResult& result);
 nlohmann::ordered_json json_of(const WindowFit& fit);
 // Prints the asymmetry of the radar response if it is significant.
 void print_text(const WindowFit& fit);
-// Prints the measured response and the reason for each missing value.
 void print_text(const record::Response& response, const Unstated& unstated);
 
 }  // namespace echofuse::acquire

@@ -179,7 +179,6 @@ struct EchoPlace {
   Near share;         // derivative of `top` with respect to the value of each bin
 };
 
-// Returns the vertex of the parabola through the middle bin and its neighbours.
 double vertex(const Near& mean) {
   return (mean[1] - mean[3]) / 2 / (mean[1] - 2 * mean[2] + mean[3] - 1e-9);
 }
@@ -357,7 +356,6 @@ Peak fit_photons(std::span<const std::uint32_t> counts, double start_ps, double 
 
 namespace {
 
-// Returns the bin with the highest value from `first` to `last`.
 std::size_t highest(const std::vector<double>& values, std::size_t first, std::size_t last) {
   const auto begin = values.begin() + static_cast<std::ptrdiff_t>(first);
   return first +

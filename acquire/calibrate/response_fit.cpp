@@ -32,8 +32,8 @@ struct Fitted {
 // numerical derivatives and bounded parameters. The weights may depend on the model.
 struct Problem {
   std::function<VectorXd(const VectorXd&)> model;
-  std::function<VectorXd(const VectorXd&)> weights;  // weights of the data for given model values
-  std::function<double(const VectorXd&)> chi2;       // chi2 for given model values
+  std::function<VectorXd(const VectorXd&)> weights;
+  std::function<double(const VectorXd&)> chi2;
   VectorXd measured, lower, upper;
 };
 
@@ -216,7 +216,6 @@ Index free_bins(const VectorXd& power, Index top, Index side, Index reach, doubl
 
 namespace {
 
-// Least-squares fit of a window to the bins of an echo.
 class EchoFit {
  public:
   // Indices of the parameters; `place` is in bins.

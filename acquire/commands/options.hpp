@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: MIT
-// The commands of echofuse-acquire and their options.
 #pragma once
 #include <CLI/CLI.hpp>
 #include <cstdint>

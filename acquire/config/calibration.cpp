@@ -57,7 +57,6 @@ void bind(Settings& s, Texts& response) {
     s.add("response." + key, text, "number +- standard error, as in the metadata of a run");
 }
 
-// Adds the axis keys of the selected sensors.
 void bind(Settings& s, CalibratedAxes& a, bool spd, bool radar) {
   if (spd) {
     s.add("axes.bin_width_ps", a.bin_width_ps, 0, 1e9, "bin width of the histogram");

@@ -47,8 +47,7 @@ struct Config {
   // Program and arguments of alert.on_doubt. They are omitted from `resolved`, which is stored in
   // runs.
   std::vector<std::string> on_doubt;
-  Calibration calibration;  // contents of the file named by run.calibration
-  // Calibrated antennas of the heat map; empty if the radar sends no heat map.
+  Calibration calibration;
   record::Antennas antennas;
   std::string calibration_path;  // path of the calibration file, which may not exist yet
   PerSensor<std::string> policy{"optional", "optional", "optional"};

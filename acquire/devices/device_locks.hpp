@@ -36,7 +36,6 @@ class DeviceLocks {
   // be used.
   DeviceLocks(const Config& config, const std::string& command, const std::string& run = {});
 
-  // Writes the command and the run file of this process into its locks.
   void write(const std::string& command, const std::string& run) const;
 
   // Returns the process that holds the device, if it is not this process; otherwise nullopt.

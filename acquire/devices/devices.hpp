@@ -26,8 +26,8 @@ class Devices final : private SampleSink {
     bool configured = false;
     DeviceState state = DeviceState::connecting;
     DeviceInfo info;
-    std::uint64_t samples = 0;       // number of tags or frames received
-    std::string last_event;          // last warning or error of the driver
+    std::uint64_t samples = 0;
+    std::string last_event;
     bool refused = false;            // true if the driver refuses the device's data
     std::optional<Holder> holder{};  // set if another program uses the device
 
@@ -45,7 +45,6 @@ class Devices final : private SampleSink {
   // Takes the locks of all configured devices and writes the `command` of echofuse-acquire and the
   // path of the `run` file into them. Throws Error(device) that names the program holding a lock.
   void take(const std::string& command, const std::string& run = {});
-  // Writes the name of the command and the path of its next run file into the locks.
   void name_run(const std::string& command, const std::string& run) { locks_->write(command, run); }
   // Takes only the locks that are free.
   void take_free(const std::string& command);

@@ -18,7 +18,6 @@ constexpr const char* grades[] = {"ok", "warning", "problem"};
 
 const char* name_of(Grade grade) { return grades[static_cast<std::size_t>(grade)]; }
 
-// Prints each finding immediately as text, or all findings at the end as JSON.
 class DoctorReport {
  public:
   explicit DoctorReport(bool json) : json_(json) {}

@@ -41,7 +41,6 @@ Finding check_usb_power(const std::optional<Config>& config, const MachineRoots&
 // Warns if this process may open only a few files: a run needs them for its devices and its file.
 Finding check_open_files(std::uint64_t limit);
 std::uint64_t open_files_limit();
-// States the SIMD instructions that the programs use.
 Finding processor_finding();
 
 // State of the system clock, as reported by adjtimex(2).
@@ -65,7 +64,7 @@ class Capture final : public SampleSink {
     intake_.emplace(config_, slot_s, clocks).begin(now);
   }
   void announce(const DeviceInfo& info);
-  void end();  // closes the slot
+  void end();
 
   void on_tags(const TagBlock& block) override;
   void on_histogram(HistogramFrame frame) override { add(frame); }
@@ -76,7 +75,7 @@ class Capture final : public SampleSink {
 
   record::FusedRecord record;  // record of the slot, with the same verdicts as in a run
   bool sends_histograms = false;
-  std::size_t zones = 1;                           // number of detector zones
+  std::size_t zones = 1;
   std::uint32_t width = 0, height = 0;             // size of the camera's frames
   std::map<std::int32_t, std::uint64_t> channels;  // number of time tags per channel
   PerSensor<std::vector<std::string>> complaints;  // distinct warnings and errors of each sensor
@@ -90,7 +89,6 @@ class Capture final : public SampleSink {
   std::optional<Intake> intake_;
 };
 
-// Each function checks the captured data of one sensor.
 Finding spd_finding(const Capture& capture, const Config& config);
 Finding radar_finding(const Capture& capture, const Config& config);
 Finding depth_finding(const Capture& capture, const Config& config);
@@ -100,7 +98,7 @@ Finding depth_finding(const Capture& capture, const Config& config);
 double estimate_record_bytes(const Capture& capture, const Config& config);
 
 struct DoctorOptions {
-  std::optional<std::int64_t> count;  // number of slots of the planned run
+  std::optional<std::int64_t> count;
   bool json = false;
   MachineRoots roots{};
 };

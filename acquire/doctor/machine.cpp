@@ -69,9 +69,8 @@ bool is_denied(const std::string& path) {
   return ::access(path.c_str(), R_OK | W_OK) != 0 && (errno == EACCES || errno == EPERM);
 }
 
-// Returns the nodes of all attached devices and of all configured serial ports.
 std::vector<Port> ports(const std::optional<Config>& config, const MachineRoots& roots) {
-  std::vector<std::string> expected;  // configured addresses
+  std::vector<std::string> expected;
   std::vector<Port> out;
   for (const auto& address : configured_addresses(config)) {
     expected.push_back(address);

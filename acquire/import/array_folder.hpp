@@ -72,7 +72,7 @@ class ArrayFolder {
   ArraySettings settings_;
   record::Antennas antennas_;
   Zones zones_ = single_pixel();
-  std::optional<std::string> first_;  // path of the first array
+  std::optional<std::string> first_;
   std::string newest_;
   std::size_t rows_ = 0, row_ = 0;
   std::unique_ptr<NpyFile> spd_, radar_, array_, depth_, index_, valid_;

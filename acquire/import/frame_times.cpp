@@ -27,7 +27,7 @@ std::string fixed(double value) { return format("%.2f", value); }
 
 // A frame that is not a copy.
 struct Entry {
-  std::size_t frame;  // index of the frame in the recording
+  std::size_t frame;
   FrameHeader header;
   bool clock_stopped = false;  // true: the clock shows the same time as in the previous frame
   bool member = false;         // true: the frame belongs to a valid chain

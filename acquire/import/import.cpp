@@ -201,7 +201,6 @@ std::string lower_case_extension(const std::string& path) {
                                       : ": no such file or folder"));
 }
 
-// Imports a raw capture of `run --keep-raw`, or a folder of arrays.
 std::string import_folder(Config config, const ImportOptions& options) {
   const std::string& folder = options.files[0];
   const bool kept = is_kept(folder);

@@ -23,7 +23,7 @@ struct ImportOptions {
   std::string began{};     // start time, UTC, ISO 8601; if empty, it is derived from the files
   std::int32_t start = 0;  // tagger input for the laser pulses; 0: sync input
   std::int32_t click = 1;  // tagger input for the detector
-  std::string out{};       // path of the new run
+  std::string out{};
 };
 
 // Parses a time such as "2024-02-07T12:34:56Z" or "2024-02-07T12:34:56.5+01:00"; the time of day is

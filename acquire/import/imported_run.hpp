@@ -21,7 +21,6 @@ struct RunStart {
   std::string doubt;  // reason why the start time is uncertain; empty if --began is given
 };
 
-// Returns the modification time of a file.
 UtcTime modified(const std::string& path);
 
 // Records an import in virtual time to the unpublished `file`. No sensor is required. Throws the

@@ -186,7 +186,7 @@ bool PicoquantTags::read_record() {
 }
 
 bool PicoquantTags::next(SampleSink& sink) {
-  std::size_t known = tags_.size();  // number of tags left from the previous block
+  std::size_t known = tags_.size();
   const auto block_of = [](const Tag& tag) { return tag.time_ps / block_ps; };
   bool more = true;
   constexpr std::size_t max_tags = std::size_t{1} << 20;  // maximum number of tags per block

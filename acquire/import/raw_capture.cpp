@@ -60,7 +60,6 @@ class TimesFile {
   std::ifstream in_;
 };
 
-// Recorded bytes of all connections of one port.
 class CapturedPort {
  public:
   CapturedPort(port::Loop& l, std::string folder, const std::string& name, std::string ending)
@@ -68,7 +67,6 @@ class CapturedPort {
         times_(folder, name),
         stem_(std::move(folder) + "/" + name),
         ending_(std::move(ending)) {}
-  // Advances to the next connection.
   void connect() {
     while (line_ && line_->what != "open") line_ = times_.next();
     if (line_) line_ = times_.next();

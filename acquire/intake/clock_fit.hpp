@@ -84,12 +84,12 @@ class ClockFit {
   double tick_s_;
   unsigned spare_bits_;
   HostTime began_{};
-  double first_s_ = 0;           // device time at the start of the history
-  Receipt last_;                 // last sample that was used
+  double first_s_ = 0;  // device time at the start of the history
+  Receipt last_;
   std::int64_t last_ticks_ = 0;  // device time of last_ since the start of the history, in ticks
   double newest_s_ = 0;
   std::deque<IntervalMinimum> history_;  // empty before the first sample
-  std::uint64_t samples_ = 0;            // number of samples in the history
+  std::uint64_t samples_ = 0;
   double intercept_s_ = 0, slope_ = 0, residual_s_ = 0;
   double edge_slope_ = 0;  // fitted slope before clipping; slope_ is the clipped slope
   std::optional<Receipt> suspect_;
@@ -101,7 +101,6 @@ inline std::uint64_t device_clock_of(const HistogramFrame& frame) {
   return 1'000'000 * frame.device_time_us;
 }
 
-// Clock fits of the three sensors.
 class SensorClocks {
  public:
   void observe(const TagBlock& block);

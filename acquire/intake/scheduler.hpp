@@ -95,7 +95,7 @@ class Scheduler {
   bool stalled(std::int64_t k) const;
 
   SlotGrid grid_;
-  std::int64_t next_ = 0;             // number of the first open slot
+  std::int64_t next_ = 0;
   std::optional<std::int64_t> last_;  // number of the last slot, if known
   HostTime last_tick_;
   HostTime held_until_ = HostTime::min();

@@ -65,7 +65,6 @@ class Windows {
   // false if a device has other axes. Its samples are then ignored until a device with the first
   // axes is announced.
   bool announce(const DeviceInfo& info);
-  // Returns the axes that have been announced.
   std::vector<Axis> axes() const;
   void add(const TagBlock& block);
   void add(const HistogramFrame& frame);
@@ -93,12 +92,11 @@ class Windows {
     void add(HostTime from, HostTime to, HostTime centre, double tags = 1);
     void describe(record::SensorSync& sync) const;
   };
-  // Samples of one sensor in a slot.
   struct Arrived {
     std::uint64_t frames = 0, lost = 0;  // in the unit of SensorSync::lost
-    SampleTimes times;                   // times of the samples in the record
-    std::optional<std::uint32_t> last;   // number of the last frame
-    record::Verdict fault;               // reason why a frame cannot be used
+    SampleTimes times;
+    std::optional<std::uint32_t> last;
+    record::Verdict fault;  // reason why a frame cannot be used
     // Number of samples of earlier slots that arrived while this slot was the first open one.
     std::uint64_t late = 0;
   };
@@ -154,7 +152,7 @@ class Windows {
   std::uint64_t blocks_ = 0, block_tags_ = 0;  // received tag blocks, and their tags
   PerSensor<bool> refused_{};
   std::map<std::int64_t, Slot> open_;
-  std::int64_t next_ = 0;            // number of the first open slot
+  std::int64_t next_ = 0;
   PerSensor<FrameNumbers> numbers_;  // radar and depth
   UnassignedSamples unassigned_;
   record::LateCounts late_;

@@ -17,8 +17,7 @@ struct LetterSize {
   double width_m, height_m, stroke_m;
   LetterSize scaled(double by) const { return {by * width_m, by * height_m, by * stroke_m}; }
 };
-inline constexpr std::array<LetterSize, 2> letter_sizes{
-    {{0.30, 0.40, 0.07}, {0.20, 0.30, 0.05}}};  // sizes of the large and the small letters
+inline constexpr std::array<LetterSize, 2> letter_sizes{{{0.30, 0.40, 0.07}, {0.20, 0.30, 0.05}}};
 
 // Straight stroke with square ends from (u0, v0) to (u1, v1). Coordinates are in metres; u points
 // to the right and v up.

@@ -83,7 +83,7 @@ struct RadarMounting {
   // results from movements of the mounts since the calibration.
   double tolerance_m = 0.003;
 
-  std::vector<std::pair<std::string, std::string>> meta() const;  // metadata entries of a run
+  std::vector<std::pair<std::string, std::string>> meta() const;
 };
 
 // Reads the mounting from the metadata of a run. Missing or invalid parts keep their default.

@@ -89,7 +89,6 @@ VerdictKind kind_of(std::string_view word);
 // Returns the state of a sensor in a slot: "ok", the word of its doubtful verdict, or "no data".
 std::string state_of(bool valid, const Verdict& verdict);
 
-// Verdicts on several records.
 struct VerdictCounts {
   PerSensor<std::map<VerdictKind, std::int64_t>> by_sensor;  // number of records by verdict
   std::int64_t records = 0, doubtful = 0;

@@ -58,7 +58,6 @@ bool put_into_open(const std::string& path, const Event& event) {
   return true;
 }
 
-// Copies the run file to `copy`, with its mode and owner.
 void copy_into(NewFile& copy, const std::string& path) {
   const RegularFile file(path, ExitCode::failed);
   struct stat like {};

@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: MIT
-// Adds notes and labels to a run.
 #pragma once
 #include <string>
 

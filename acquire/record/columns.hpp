@@ -30,7 +30,6 @@ inline constexpr std::tuple data_columns{
     Column<float>{"array", Sensor::radar, &FusedRecord::array, {"array"}, true},
     Column<std::uint16_t>{"depth", Sensor::depth, &FusedRecord::depth_mm, {"depth_x", "depth_y"}}};
 
-// One value for each column.
 template <class T>
 using PerColumn = std::array<T, std::tuple_size_v<decltype(data_columns)>>;
 using Blobs = PerColumn<Bytes>;  // stored values
@@ -45,9 +44,9 @@ void for_each_column(const Visit& visit) {
 // Size of a column in the records of a run.
 struct Shape {
   std::size_t values = 0;  // number of values; 0 if the run lacks an axis
-  Axis axis;               // last axis
-  double bytes = 0;        // size of the stored values; an upper bound if they are compressed
-  std::string text;        // number of points on each axis, e.g. "64 x 64"
+  Axis axis;
+  double bytes = 0;  // size of the stored values; an upper bound if they are compressed
+  std::string text;  // number of points on each axis, e.g. "64 x 64"
 };
 using Shapes = PerColumn<Shape>;
 Shapes shapes_of(const std::vector<Axis>& axes);

@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: MIT
-// Follows a run that is being recorded.
 #pragma once
 #include <functional>
 #include <string>

@@ -42,10 +42,10 @@ struct SensorSync {
 
 // Fit of the device clock to the host clock, based on the arrival times of the samples.
 struct ClockState {
-  double offset_s = 0;        // host time minus device time, at the slot's centre
-  double drift_ppm = 0;       // positive if the device clock is fast
-  double residual_s = 0;      // mean deviation of the least delayed samples from the fit
-  std::uint64_t samples = 0;  // number of samples in the fit
+  double offset_s = 0;    // host time minus device time, at the slot's centre
+  double drift_ppm = 0;   // positive if the device clock is fast
+  double residual_s = 0;  // mean deviation of the least delayed samples from the fit
+  std::uint64_t samples = 0;
 };
 
 // Signal strength of each sensor; a missing value is unknown. Range offsets are not subtracted.
@@ -67,7 +67,7 @@ inline constexpr double max_clicks_per_pulse = 0.05;
 
 // Statistics of a slot, stored with its record so that losses and delays can be checked later.
 struct SlotStatistics {
-  std::uint64_t radar_frames = 0, depth_frames = 0;     // number of frames in the slot
+  std::uint64_t radar_frames = 0, depth_frames = 0;
   std::optional<std::uint32_t> radar_last, depth_last;  // frame number of the last frame
   double closed_late_s = 0;  // time from the end of the grace period to the closing of the slot
 };
@@ -92,7 +92,7 @@ struct FusedRecord {
   std::vector<float> array;
   std::uint64_t array_frames = 0;
   std::vector<std::uint16_t> depth_mm;  // depth z, row-major on the run's depth axes; 0: no return
-  TagCounts spd_counts;                 // counts of all tags in the slot
+  TagCounts spd_counts;
   PerSensor<SensorSync> sync;
   Signal signal;
   SensorSet missing;  // required sensors that are missing in this record

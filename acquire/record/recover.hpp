@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: MIT
-// Recovers crashed runs.
 #pragma once
 #include <string>
 

@@ -11,7 +11,6 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-// Returns the metadata as a JSON object with string values.
 std::string meta_text(const RunInfo& info) {
   Json meta = Json::object();
   for (const auto& [key, value] : info.meta) meta[key] = value;

@@ -123,7 +123,6 @@ void RunWriter::make(const RunInfo& info, const Begin& begin) {
   use_wal();  // WAL mode is set before the file is visible to other processes
 }
 
-// Opens the published file, binds the WAL to the run and starts to watch both files.
 void RunWriter::begin_writing() {
   open(path_);
   reserve();

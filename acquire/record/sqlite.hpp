@@ -39,7 +39,6 @@ inline Error damaged(const std::string& path) {
   throw Error(disk ? ExitCode::disk : ExitCode::failed, place + printable(sqlite3_errmsg(db)));
 }
 
-// Returns the existing side files of a database.
 inline std::vector<std::string> side_files(const std::string& path) {
   std::vector<std::string> out;
   for (const char* suffix : {"-wal", "-shm", "-journal"})

@@ -110,7 +110,7 @@ class Daemon final : private SampleSink {
   const RunOptions& options_;
   port::Loop& loop_;
   port::Timer timer_{loop_};
-  std::string file_;  // path of the run file being written
+  std::string file_;
   std::string label_;
   RunLog log_;
   std::optional<port::RawKeeper> raw_;
@@ -213,7 +213,6 @@ void Daemon::begin() {
   notify_ready(config_.window_s);
 }
 
-// Writes the configuration, the devices and the axes to the new run file.
 void Daemon::describe_run() {
   recording_->journal.put_config(config_);
   recording_->journal.put_axes(intake_.slots.axes());
@@ -252,7 +251,6 @@ void Daemon::warn_of_full_disk() {
   if (space.grade != Grade::ok) log(Severity::warning, "disk", space.found);
 }
 
-// Writes the identity and axes of a connected device to the run.
 void Daemon::announce(Sensor sensor) {
   const DeviceInfo& info = devices_[sensor].info;
   recording_->journal.put_device(info);

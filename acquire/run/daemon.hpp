@@ -18,7 +18,7 @@
 namespace echofuse::acquire {
 
 struct RunOptions {
-  std::string out;                        // run file to create
+  std::string out;
   std::int64_t slots_a_file = 0;          // number of slots per run file; 0: all slots in one file
   std::function<std::string()> next_out;  // returns the file name of the next run
   // Number of slots to record; no value: record until interrupted.

@@ -60,7 +60,6 @@ class Journal {
   void put_device(const DeviceInfo& device);  // writes a row if the sensor's device has changed
   // Writes the axes that the file does not contain yet.
   void put_axes(const std::vector<Axis>& axes);
-  // Writes the number of late samples of each record.
   void put_late(record::LateCounts late);
   // Writes how much each driver counter has increased since the last call, and the counts of
   // unassigned samples, all in one transaction.
@@ -80,8 +79,7 @@ class Journal {
   // Returns the cause of a delay: a slow disk, or a write transaction by another program.
   std::string delay_cause() const;
   std::int64_t written() const { return written_; }
-  std::string path() const;  // path of the run file being written
-  // Returns the label of the last written record if a label event set it; otherwise no value.
+  std::string path() const;
   std::optional<std::string> label() const;
   // Returns the free disk space in bytes after the last record; no value if unknown.
   std::optional<std::uint64_t> free_bytes() const;

@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: MIT
-// Creates the file of a new run.
 #pragma once
 #include <filesystem>
 #include <memory>

@@ -12,7 +12,6 @@
 
 namespace echofuse::acquire {
 
-// Totals since the start of the run.
 struct RunTotals {
   std::int64_t records = 0, written = 0;
   std::int64_t incomplete = 0;  // number of records in which a required sensor is not valid

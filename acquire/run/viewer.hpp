@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: MIT
-// Starts echofuse-view for a run.
 #pragma once
 #include <sys/types.h>
 
