@@ -27,7 +27,6 @@ bool is_one_of(const port::Address& address) {
   return (std::holds_alternative<Kinds>(address) || ...);
 }
 
-// Device that is selected by one address.
 template <class Config>
 struct Kind {
   const char* scheme;  // beginning of the address

@@ -30,7 +30,7 @@ class BridgeDriver : public Driver {
   BridgeClient client_;
   SampleSink* sink_ = nullptr;
   bool histograms_ = false;  // true if the hello announces histograms instead of tags
-  Hello hello_;              // hello block of the current connection
+  Hello hello_;
   std::uint64_t items_ = 0, lost_ = 0;
 
  private:

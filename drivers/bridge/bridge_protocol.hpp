@@ -71,8 +71,8 @@ struct BlockCounts {
   std::uint64_t junk_bytes = 0;   // bytes that do not belong to a valid block
   std::uint64_t bad_headers = 0;  // headers with a wrong magic number, version or other field
   std::uint64_t bad_crcs = 0;
-  std::uint64_t gaps = 0;         // number of gaps in the sequence numbers
-  std::uint64_t lost_blocks = 0;  // total number of missing blocks
+  std::uint64_t gaps = 0;
+  std::uint64_t lost_blocks = 0;
 };
 
 std::vector<Counter> counters_of(const BlockCounts& counts);

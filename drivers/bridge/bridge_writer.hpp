@@ -8,7 +8,6 @@
 
 namespace echofuse::bridge {
 
-// Returns a complete block, i.e. the header followed by the payload.
 Bytes make_block(BlockKind kind, std::uint32_t sequence, std::uint64_t dropped_items,
                  ByteView payload);
 Bytes hello_payload(const DeviceInfo& info);

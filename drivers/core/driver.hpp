@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: MIT
-// Common interface of all drivers.
 #pragma once
 #include <cstdint>
 #include <string>

@@ -51,8 +51,8 @@ struct HistogramFrame {
   HostTime received{};
   std::uint64_t device_time_us = 0;  // device time at the end of the exposure
   std::uint32_t exposure_us = 0;
-  std::uint64_t pulses = 0;           // number of laser pulses; 0 if unknown
-  std::uint32_t zones = 1;            // number of zones in the field of view
+  std::uint64_t pulses = 0;  // number of laser pulses; 0 if unknown
+  std::uint32_t zones = 1;
   std::vector<std::uint32_t> counts;  // all bins of zone 0, then all bins of zone 1, and so on
   std::uint64_t lost_before = 0;      // number of histograms missing before this one
 

@@ -14,10 +14,9 @@ struct TagCounts {
   std::uint64_t without_start = 0;  // clicks before the first start
   std::uint64_t other = 0;  // tags on other channels, markers, and tags removed by the dead time
   // The counters below are not part of the invariant.
-  std::uint64_t missed = 0;     // start and click events that the device reported as lost
-  std::uint64_t overflows = 0;  // number of overflow periods
-  std::uint64_t errors = 0;     // number of error markers
-  // tags of unknown type or with a nonzero reserved byte; included in `other`
+  std::uint64_t missed = 0;  // start and click events that the device reported as lost
+  std::uint64_t overflows = 0;
+  std::uint64_t errors = 0;
   std::uint64_t bad_tags = 0;
   std::uint64_t backwards = 0;    // time tags with an earlier time than the preceding tag
   std::uint64_t removed = 0;      // tags removed by the dead time; included in `other`

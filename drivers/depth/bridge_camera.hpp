@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: MIT
-// Depth camera that uses the bridge protocol.
 #pragma once
 #include <string>
 

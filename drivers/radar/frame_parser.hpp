@@ -65,9 +65,9 @@ struct FrameCounts {
   std::uint64_t bad_headers = 0;  // magic words followed by an implausible header
   std::uint64_t bad_tlvs = 0;     // packets in which the TLVs leave a gap or do not fit
   std::uint64_t other_tlvs = 0;
-  std::uint64_t resyncs = 0;      // number of times that a frame was found after junk bytes
-  std::uint64_t lost_frames = 0;  // number of missing frame numbers
-  std::uint64_t restarts = 0;     // number of times that the frame numbering restarted
+  std::uint64_t resyncs = 0;  // number of times that a frame was found after junk bytes
+  std::uint64_t lost_frames = 0;
+  std::uint64_t restarts = 0;
   std::optional<std::uint32_t> first_frame_number, last_frame_number;
   // Number of well-formed TLVs by type. Only the first 64 distinct types are counted.
   std::map<std::uint32_t, std::uint64_t> tlvs;

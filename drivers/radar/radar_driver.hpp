@@ -47,7 +47,7 @@ class NoDataProbe {
 };
 
 struct RadarSetup {
-  std::string address;  // addresses of both ports, for DeviceInfo
+  std::string address;
   port::ByteOpener cli, data;
   std::string cfg_text, cfg_name;
   std::vector<std::string> warnings{};  // warnings to be reported by start()

@@ -22,7 +22,6 @@ class Lock {
   Lock& operator=(const Lock&) = delete;
 
   bool held() const { return held_; }
-  // Replaces the contents of the lock file.
   void write(const std::string& text) const;
   // Reserves disk space, so that later writes succeed even if the disk is full. If the full amount
   // cannot be reserved, reserves nothing.

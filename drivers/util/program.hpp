@@ -20,7 +20,6 @@ struct ProgramOptions {
   std::vector<std::string> environment{};  // NAME=value pairs, which replace inherited ones
 };
 
-// Returns the folder of the running executable.
 std::filesystem::path program_folder();
 // Returns the folder that contains the installed files lab.toml and radar/*.cfg. A build folder
 // contains links to these files.
@@ -38,7 +37,6 @@ std::string instruction_set();
 // Returns how the user can get access to a device node: by joining the node's group, or by
 // installing echofuse's udev rules.
 std::string permission_hint(const std::string& node);
-// Returns the host name.
 std::string machine_name();
 // Returns the path of a program in the folder of the running program. If it does not exist there,
 // returns NAME, so that start_program() searches PATH for it.

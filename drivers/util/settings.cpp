@@ -225,7 +225,6 @@ std::string Settings::assign(Setting& entry, const Node& node, const std::string
   return fits ? "" : expectation(entry);
 }
 
-// Returns the message for an unknown key.
 template <class Node>
 std::string Settings::unknown(const std::string& key, const Node& node) const {
   if (is_section(key)) return key + " is a section; expected [" + key + "] and its keys below";

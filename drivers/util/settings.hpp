@@ -43,7 +43,6 @@ class Settings {
   // If `allowed` is not empty, the value must be one of its elements.
   void add(std::string key, std::string& value, std::string doc,
            std::vector<std::string> allowed = {});
-  // Adds a setting that is a list of strings.
   void add(std::string key, std::vector<std::string>& value, std::string doc);
 
   // Reads the text, then the assignments, which override it. An assignment is "key=value" from a
