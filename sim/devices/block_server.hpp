@@ -47,7 +47,6 @@ class BlockServer {
   void greet_again();
   // Queues a block for sending. Returns false if the queue is full; the block is then lost.
   bool put(QueuedBlock block);
-  // Increases the number of lost items reported in the next block.
   void lose(std::uint64_t items) { lost_ += items; }
   void poll();
   // Sends a goodbye block to the client, then accepts no further clients.

@@ -111,7 +111,7 @@ struct DepthOptions {
   double fps = 30;
   // Tangents of half the field of view. They must exceed those of the depth maps (default 0.55).
   double half_tangent_x = 0.8, half_tangent_y = 0.6;
-  std::uint64_t seed = 1;  // seed for random faults and depth noise
+  std::uint64_t seed = 1;
   FaultPlan plan{};
 };
 std::unique_ptr<Device> make_depth_feed(port::SystemLoop& loop, ScenePlayer& player,

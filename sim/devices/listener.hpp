@@ -30,7 +30,6 @@ class Listener {
   // Writes `bytes`, then calls done(whole); `whole` is true if all bytes were written. `bytes` must
   // stay valid until then. Only one write may be in progress.
   virtual void write(ByteView bytes, std::function<void(bool whole)> done) = 0;
-  // Closes the connection to the client.
   virtual void hang_up() = 0;
   virtual std::string address() const = 0;
 };

@@ -35,7 +35,6 @@ class PhotonSource {
                std::uint64_t seed);
 
   double laser_rate_hz() const { return tagging_.laser_rate_hz; }
-  // Sets the returns used by the next draw().
   void set_returns(const Returns& returns);
   // Multiplies the signal and background counts of the next draw() by `gain`.
   void set_gain(double gain) { gain_ = gain; }

@@ -234,7 +234,7 @@ class RadarBoard final : public Device {
   Rng rng_;
   RadarAntennas antennas_;
   RadarAxis axis_;
-  std::vector<std::uint16_t> last_profile_;  // range profile codes of the last frame
+  std::vector<std::uint16_t> last_profile_;
   RadarTlv last_heat_map_;
   HostTime next_frame_{};
   double mean_peak_ = 0, sampled_s_ = 0, transmit_us_ = 0;

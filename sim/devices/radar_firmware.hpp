@@ -35,12 +35,10 @@ class RadarFirmware {
   // port. `sdk` is the minor version: 5 for SDK 3.5. SDK 3.4 lacks the command calibData.
   RadarFirmware(Write cli, Write data, unsigned sdk = 5, RadarDemo demo = RadarDemo::dsp);
 
-  // Sends the startup banner and the prompt.
   void boot();
   // Receives bytes from the host. Bytes are lost while a command runs, because the UART buffers
   // only one byte. sensorStop runs until the current frame ends.
   void receive(ByteView bytes);
-  // Sends text to the command port.
   void say(const std::string& text);
 
   // Chirp in use from sensorStart to the end of the frame during which sensorStop arrives;

@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: MIT
-// Simulates the errors of a depth camera.
 #pragma once
 #include <cstdint>
 #include <vector>

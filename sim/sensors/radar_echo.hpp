@@ -41,7 +41,6 @@ double profile_noise(const Conditions& c, double mean_peak, std::int64_t frames)
 // Powers may therefore be negative.
 void add_profile_noise(std::vector<double>& power, double mean_peak, const Conditions& conditions,
                        std::int64_t frames, Rng& rng);
-// Adds the noise power of one frame.
 void add_frame_noise(std::vector<double>& power, double mean_peak, const Conditions& conditions,
                      Rng& rng);
 

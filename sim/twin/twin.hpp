@@ -18,7 +18,7 @@ struct KeyRange {
 };
 
 struct Twin {
-  std::int64_t seed = 1;  // seed for the random values of all laboratories
+  std::int64_t seed = 1;
   std::vector<KeyRange> ranges;
 };
 
