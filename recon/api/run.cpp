@@ -51,7 +51,6 @@ Record public_record(const Head& run, record::FusedRecord record) {
       std::make_shared<Internals::RecordContents>(std::move(record), std::move(map), run));
 }
 
-// Returns the rows of a list as objects of the public type T.
 template <class T, class Rows, class Convert>
 std::vector<T> public_list(const Rows& rows, const Convert& convert) {
   std::vector<T> out;

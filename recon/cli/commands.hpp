@@ -27,7 +27,6 @@ Command add_rows(CLI::App& app, const Common& common);
 Command add_compare(CLI::App& app, const Common& common);
 Command add_reconstruct(CLI::App& app, const Common& common);
 
-// Adds options shared by several subcommands.
 void add_range_offset_option(CLI::App& app, double& offset_m);
 void add_empty_option(CLI::App& app, std::string& path);
 // Loads a model and prints notes about it to stderr. If `empty` is the path of a run, adapts the

@@ -161,8 +161,6 @@ void refuse_training_run(const Dataset& scored, const Dataset& trained_on,
     throw Error(ExitCode::failed, printable(run.path) + ": is a training run; score another run");
 }
 
-// Evaluates several models on the records that contain data from all sensors needed by these
-// models.
 ExitCode evaluate_models(const Arguments& a, const Common& common) {
   const std::string& run = a.files.back();
   const std::size_t count = a.files.size() - 1;

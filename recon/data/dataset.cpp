@@ -46,7 +46,6 @@ void advise_large_pages(void* begin, std::size_t size) {
   if (size > before + page) ::madvise(first + before, (size - before) / page * page, MADV_HUGEPAGE);
 }
 
-// Appends the records of one run to a Dataset.
 class Appender {
  public:
   Appender(Dataset& data, const record::RunHead& run, SensorSet sensors, DepthCheck* depths)

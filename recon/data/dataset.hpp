@@ -51,7 +51,7 @@ struct Source {
 };
 
 struct DamagedRecord {
-  std::string path;  // path of the run
+  std::string path;
   std::int64_t index = 0;
   std::string why;
 };
@@ -62,7 +62,7 @@ struct RecordInfo {
   SensorSet valid;                            // sensors that have data
   PerSensor<record::VerdictKind> verdicts{};  // ok if the record has no verdicts
   std::int64_t content = 0;                   // fingerprint (recon/data/copies.hpp); 0 if unknown
-  std::int64_t index = 0;                     // index of the record in its run
+  std::int64_t index = 0;
   HostTime slot_end{};
   // Number of clicks per laser pulse; 0 if it is unknown or pile-up has been corrected.
   double clicks_per_pulse = 0;

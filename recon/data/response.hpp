@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: MIT
-// Radar response of a run in a data set.
 #pragma once
 #include <string>
 #include <utility>

@@ -17,7 +17,6 @@ std::size_t share_of(double share, std::size_t n) {
   return static_cast<std::size_t>(std::llround(share * static_cast<double>(n)));
 }
 
-// Removes the last n entries and returns them.
 Rows take_last(Rows& rows, std::size_t n) {
   n = std::min(n, rows.size());
   Rows taken(rows.end() - static_cast<std::ptrdiff_t>(n), rows.end());

@@ -46,7 +46,6 @@ class LiveModel {
                              bool with_deviation) const;
   // Computes `iou` and `lateral_error_m` if both maps have the same number of pixels.
   void compare(Reconstruction& made, std::span<const float> camera_map_m) const;
-  // Compares these records, as a group, with the training data.
   GroupCheck check(const record::RunReader& run, std::int64_t first, std::int64_t count) const;
 
  private:

@@ -123,7 +123,6 @@ class StatusTable {
   std::ofstream out_;
 };
 
-// Reconstructs one run: reads records, predicts maps, and writes the files and records.csv.
 class RunReconstructor {
  public:
   RunReconstructor(const TrainedModel& model, const ReconstructOptions& options)

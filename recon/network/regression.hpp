@@ -63,7 +63,7 @@ Training training_of(const Tuning& tuning, std::size_t records);
 Training training_of(const FitOptions& options);
 
 struct TrainingState {
-  std::vector<float> parameters, best;  // current parameters, and those of the best epoch
+  std::vector<float> parameters, best;
   Adam adam;
   Rows order;  // order of the records in this epoch
   Rng order_rng, redraw_rng;
@@ -93,7 +93,7 @@ class Regression {
   void tune(const Examples& train, const Training& training, const std::string& title);
   Matrix predict(const Matrix& inputs) const;
   Cost cost() const { return {network_.weights, network_.parameters}; }
-  std::vector<std::size_t> hidden() const;  // width of each hidden layer
+  std::vector<std::size_t> hidden() const;
   void archive(Archive archive, std::size_t inputs, std::size_t outputs);
 
  private:

@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: MIT
-// Options and results of training.
 #pragma once
 #include <cmath>
 #include <cstdint>

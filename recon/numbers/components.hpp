@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: MIT
-// Principal components of the rows of a table.
 #pragma once
 #include <cstdint>
 #include <string>
@@ -10,8 +9,8 @@
 namespace echofuse::recon {
 
 struct Components {
-  std::vector<float> mean;  // mean of each column
-  Matrix basis;             // orthonormal directions, one per row, in order of decreasing variance
+  std::vector<float> mean;
+  Matrix basis;  // orthonormal directions, one per row, in order of decreasing variance
   std::vector<float> deviation;  // standard deviation of the table along each direction
 };
 

@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: MIT
-// Statistics of the rows of a table.
 #pragma once
 #include <span>
 #include <utility>

@@ -46,14 +46,13 @@ struct Estimator {
   void archive(Archive archive);
 };
 
-// Returns the mean of the observations of all records.
 std::vector<float> mean_observation(const Dataset& data, const Features& sensors);
 
 // Results of preprocessing, shared by all models with the same training rows and inputs.
 struct Preprocessing {
   SceneModel scene;
-  Alignment alignment;   // empty if alignment was not requested or SPD data are missing
-  Matrix views;          // views of all records in the data set
+  Alignment alignment;  // empty if alignment was not requested or SPD data are missing
+  Matrix views;
   double elapsed_s = 0;  // duration, included in the training time of each model
   bool has_empty_room;
   // `empty`: records of the room without people, on the axes of `data`; no records if unknown.

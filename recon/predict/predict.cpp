@@ -27,7 +27,6 @@ ECHOFUSE_CLONES bool all_finite(const float* values, std::size_t count) {
   return beyond == 0;
 }
 
-// Predicts the maps of the given rows with one estimator.
 Prediction predict_by(const Estimator& by, const Dataset& data, const Rows& rows,
                       PredictionDetail detail) {
   Prediction out;

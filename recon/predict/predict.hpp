@@ -86,7 +86,6 @@ struct MappedRecord {
 // Returns the highest level of detail supported by the model.
 PredictionDetail fullest_detail(const TrainedModel& model);
 
-// Predicts the map of each given row.
 std::vector<MappedRecord> map_records(const TrainedModel& model, const Records& records,
                                       std::span<const std::size_t> rows, PredictionDetail detail);
 // Predicts the map of a recorded data set that contains one record. Throws the same errors as

@@ -28,11 +28,11 @@ namespace echofuse::recon {
 enum class Subset : std::uint8_t { train, validation, test };
 
 struct TrainingRecords {
-  std::vector<std::string> runs;    // UUIDs of the training runs
-  std::vector<std::uint32_t> run;   // index of the record's run in `runs`
-  std::vector<std::int64_t> index;  // index of the record in its run
-  std::vector<std::uint8_t> part;   // Subset that contains the record
-  std::vector<std::int64_t> hash;   // hash of the record's data, RecordInfo::content
+  std::vector<std::string> runs;   // UUIDs of the training runs
+  std::vector<std::uint32_t> run;  // index of the record's run in `runs`
+  std::vector<std::int64_t> index;
+  std::vector<std::uint8_t> part;  // Subset that contains the record
+  std::vector<std::int64_t> hash;  // hash of the record's data, RecordInfo::content
 };
 
 struct TrainedModel {

@@ -77,7 +77,6 @@ Rows without(const Rows& rows, const Rows& unwanted) {
   return out;
 }
 
-// Accumulates the values of an UncertaintyCalibration.
 struct StatedUncertainty {
   double within = 0, stated = 0, known = 0, flagged = 0, squares = 0, variance = 0, pixels = 0,
          records = 0;

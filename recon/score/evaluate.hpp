@@ -88,7 +88,7 @@ struct Evaluation {
   DomainShift domain_shift;  // result of testing the whole run or its held-out records
   std::string tested;        // prefix of the message from domain_shift: "RUN: "
   Summaries metrics;
-  std::vector<ScoredRow> baselines;  // scores of the baseline methods
+  std::vector<ScoredRow> baselines;
   RunningCost cost;
   TwoPeopleCounts two_people;  // computed only if the model is calibrated
   // Empty if the model is not calibrated. Values are NaN if no record has an estimated error.
@@ -139,7 +139,6 @@ std::string to_table(const std::vector<ScoredRow>& rows);
 std::string to_text(const Evaluation& evaluation);
 // Returns notes about the run and the scores, one per line; may be empty.
 std::string notes(const Evaluation& evaluation);
-// Returns the calibration as one line of text.
 std::string to_text(const std::optional<UncertaintyCalibration>& calibration);
 
 }  // namespace echofuse::recon

@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: MIT
-// Formats the results of an evaluation as JSON or as aligned text.
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>

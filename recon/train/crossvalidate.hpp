@@ -22,7 +22,7 @@ struct CrossvalidatedRow : ScoredRow {
 // (K - 1) sum_k (S_k - n_k m)^2 / n^2. K is the number of folds, n the number of maps, and m the
 // mean; fold k has n_k maps with sum S_k. If the records are not a sequence, the maps are treated
 // as independent.
-using Folds = std::vector<std::vector<MapScores>>;  // scores of the maps in each fold
+using Folds = std::vector<std::vector<MapScores>>;
 Summaries summarise(const Folds& folds, bool sequence);
 
 // Returns one row for each candidate. Each fold is a contiguous part of `rows`.

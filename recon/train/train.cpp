@@ -40,7 +40,7 @@ void say(const TrainOptions& options, const std::string& text) {
 
 // Name, inputs and options of one estimator to train.
 struct TrainingPlan {
-  std::string name;  // name of the candidate
+  std::string name;
   Inputs inputs;
   std::string scaling;
   FitOptions fit;

@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: MIT
-// Trains a model on runs.
 #pragma once
 #include <string>
 #include <vector>

@@ -141,7 +141,6 @@ void try_all(Choice& choice, const Start& start, const Split& split, const TuneO
     add(alone, [&](const Rows& rows) { return fit_alone(from, start.own, rows, options); });
 }
 
-// Returns the rows that can be used to tune all start models.
 TrainingRows rows_of(const std::vector<Start>& starts) {
   TrainingRows out;
   for (const Start& start : starts) {

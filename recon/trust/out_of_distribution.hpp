@@ -111,7 +111,7 @@ class OutOfDistributionDetector {
   // Index of the first value of each group, followed by the number of values.
   std::array<std::size_t, groups + 1> first_{};
   std::vector<float> scale_;  // scale factor of each value of a description
-  Components components_;     // principal components of the scaled descriptions
+  Components components_;
   Classifier two_bodies_;
   Limits limits_;
   // Limits for converted records, in order of increasing response width.

@@ -22,12 +22,12 @@ struct RangeDifference {
   double difference_m = 0, standard_error_m = 0;
   // Returns true if the difference is significant and larger than the tolerance of a mount.
   bool found() const;
-  std::string text() const;  // message for the user
+  std::string text() const;
 };
 
 struct SensorEchoes {
-  std::vector<float> median;  // median of each bin
-  std::vector<float> share;   // static part of the median, 0 to 1
+  std::vector<float> median;
+  std::vector<float> share;  // static part of the median, 0 to 1
 };
 
 class StaticEchoes {
@@ -35,7 +35,6 @@ class StaticEchoes {
   static constexpr std::size_t min_records = 50;
 
   StaticEchoes() = default;
-  // Learns the static echoes from these rows.
   StaticEchoes(const Dataset& data, const Rows& rows);
   bool known() const { return !spd_.median.empty(); }
   // Returns nullopt if the rows are too few or have no or other static echoes. The data must be on

@@ -73,7 +73,6 @@ class LateralError {
   std::vector<double> converted_times_wider_, converted_factor_;
 };
 
-// Uncertainty of one reconstructed map.
 struct PredictionUncertainty {
   // Half-width of the interval around the predicted lateral position that contains the body for 90
   // % of the records that resemble the training data, m. Includes the error of the run's range

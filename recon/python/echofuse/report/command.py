@@ -225,7 +225,6 @@ class Report:
                           "the maps of its depth camera")]
 
     def blocks(self) -> list[Block]:
-        """Returns the part of the report above the page of the run."""
         models, out = self.models, [paragraph(self.verdict, "verdict"), *fails(self.problems),
                                     paragraph(self.origin, "quiet")]
         order = self.first.order if models else []
@@ -250,7 +249,6 @@ class Report:
                       if blocks and (found := blocks())]
 
     def write(self) -> None:
-        """Writes the pages."""
         # `echofuse-view` cannot adapt a model to another room, so the page shows no maps then.
         model = ["--model", self.models[0].files[0]] if self.models and not self.args.empty else []
         records = [word for index in self.pictured() for word in ("--records", index)]
