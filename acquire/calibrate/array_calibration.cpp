@@ -20,7 +20,8 @@ constexpr std::size_t min_frames = 8;
 constexpr double min_snr_db = 10;
 constexpr double min_share = 0.9;  // minimum fraction of the total power in the strongest wave
 constexpr double weakest_gain = 0.03;
-// Mean square of the rounding error of the real or imaginary part of a sample.
+// Mean square of the rounding error of the real or imaginary part of a sample, because the error
+// is uniformly distributed over one step.
 constexpr double rounding_power = 1.0 / 12;
 
 std::complex<double> sample(const std::vector<std::int16_t>& frame, std::size_t i) {

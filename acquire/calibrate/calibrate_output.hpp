@@ -16,7 +16,7 @@ namespace echofuse::acquire {
 
 struct CalibrationResult {
   Sensor sensor{};
-  Peak peak;            // peak fitted to the data of all repeats
+  Peak peak;
   double spread_m = 0;  // standard deviation of the ranges measured in the repeats
   std::string method;
   double true_range_m = 0;

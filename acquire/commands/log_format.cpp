@@ -15,7 +15,7 @@ namespace {
 class Priority final : public spdlog::custom_flag_formatter {
   void format(const spdlog::details::log_msg& message, const std::tm&,
               spdlog::memory_buf_t& out) override {
-    // Syslog priorities of the levels from trace to critical.
+    // Syslog priorities of the levels from trace to critical, see sd-daemon(3).
     constexpr char priorities[] = {'7', '7', '6', '4', '3', '2'};
     out.push_back('<');
     out.push_back(priorities[static_cast<std::size_t>(message.level)]);

@@ -32,8 +32,8 @@ class RadarRecording final : public Recording {
   bool ended_ = false;
   Bytes beginning_;  // first bytes of the file
   FrameTimes times_;
-  std::size_t frames_ = 0;  // number of frames read
-  std::uint64_t lost_ = 0;  // number of frames missing between them
+  std::size_t frames_ = 0;
+  std::uint64_t lost_ = 0;
   HostTime at_{};
   std::uint64_t others_ = 0;              // number of frames with a wrong number of bins
   std::size_t other_bins_ = 0;            // last wrong number of bins

@@ -22,6 +22,7 @@ struct HeaderTag {
 static_assert(sizeof(HeaderTag) == 48);
 
 constexpr const char* magic = "PQTTTR";
+// tyFloat8, tyTDateTime and tyAnsiString in the source code of PicoQuant's PTU demos
 constexpr std::uint32_t type_double = 0x20000008, type_time = 0x21000008, type_text = 0x4001ffff;
 constexpr std::size_t max_tags = 100'000, longest_text = 4096;
 
@@ -113,6 +114,7 @@ bool TaggedFile::is_repeated(const std::string& name) const {
 }
 
 std::optional<UtcTime> TaggedFile::time(const std::string& name) const {
+  // The day numbers begin at 1899-12-30, because the tag has the type TDateTime of Delphi.
   constexpr double day_of_1970 = 25569, day_of_2250 = 127'839, day_s = 86400;
   const auto days = number(name);
   if (!days || *days < day_of_1970 || *days > day_of_2250) return std::nullopt;

@@ -8,7 +8,7 @@
 namespace echofuse::record {
 namespace {
 
-constexpr float full_scale = 32767;
+constexpr float full_scale = 32767;  // because the values are stored as i16
 
 // Returns the position of the covariance of antennas m < n in ArrayBin::values.
 std::size_t place_of(std::size_t m, std::size_t n, std::size_t antennas) {

@@ -55,8 +55,8 @@ struct VerdictRow {
   bool truth;         // a model may be trained on, or scored against, this depth map
   bool doubtful;      // counts as doubtful, and calls the program alert.on_doubt
   Lamp lamp;
-  const char* setting;   // key of the limit, or empty
-  const char* sentence;  // meaning
+  const char* setting;  // key of the limit, or empty
+  const char* sentence;
 };
 
 // Returns one row for each kind, in the order of VerdictKind.

@@ -18,8 +18,8 @@ struct Column {
   const char* name;  // in the table `record`
   Sensor sensor;
   std::vector<T> FusedRecord::*values;
-  std::array<const char*, 2> axes{};  // names
-  bool optional = false;              // true if the sensor may be valid without these values
+  std::array<const char*, 2> axes{};
+  bool optional = false;  // true if the sensor may be valid without these values
 };
 
 // Counts are stored as u32 LE and power as f32 LE, antenna statistics by pack_array(), and depth as

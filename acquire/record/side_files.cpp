@@ -100,7 +100,7 @@ std::optional<BoundKey> stored_in(const std::string& path) {
 
 std::optional<std::uint32_t> wal_key(const std::string& path) {
   const FileHead header = wal_header(path);
-  // The last bit of the magic number is set if the checksums are big-endian.
+  // SQLite file format, section 4.1. The last bit is set if the checksums are big-endian.
   constexpr std::uint32_t magic = 0x377f0682;
   if ((big_endian(header.data()) & ~1u) != magic) return std::nullopt;
   return big_endian(header.data() + 16) - big_endian(header.data() + 12);
@@ -151,6 +151,7 @@ void require_own_journal(const std::string& path) {
   const std::string name = path + "-journal";
   if (::access(name.c_str(), F_OK) != 0) return;
   const auto bytes = RegularFile(name, ExitCode::failed).rest<Bytes>(max_journal_bytes);
+  // SQLite file format, section 3
   constexpr std::string_view magic = "\xd9\xd5\x05\xf9\x20\xa1\x63\xd7";
   if (bytes.size() < sizeof(FileHead) ||
       std::string_view(reinterpret_cast<const char*>(bytes.data()), magic.size()) != magic)

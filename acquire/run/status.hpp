@@ -19,8 +19,7 @@ struct RunTotals {
   // Number of samples received, and total duration of the slots.
   std::uint64_t tags = 0, radar_frames = 0, depth_frames = 0;
   double slots_s = 0;
-  PerSensor<std::uint64_t> lost{};  // number of lost tags, radar frames and depth frames
-  // The following values belong to the last record.
+  PerSensor<std::uint64_t> lost{};
   PerSensor<double> rate_hz{};  // received tags or frames per second
   SensorSet valid, doubtful;    // doubtful: configured, with a doubtful verdict
   std::string trouble;  // first doubtful sensor and the kind of its verdict, e.g. "radar weak"

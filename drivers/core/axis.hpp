@@ -9,7 +9,7 @@
 
 namespace echofuse {
 
-inline constexpr double speed_of_light_m_s = 299'792'458.0;
+inline constexpr double speed_of_light_m_s = 299'792'458.0;  // exact, because it defines the metre
 // two-way time of flight in ps per metre of range
 inline constexpr double ps_per_m = 2e12 / speed_of_light_m_s;
 

@@ -20,7 +20,7 @@
 namespace echofuse::port::cp2110 {
 
 inline constexpr std::size_t report_bytes = 64;  // size of a full-speed interrupt packet
-inline constexpr std::size_t max_data = 63;
+inline constexpr std::size_t max_data = 63;      // because the report ID is the number of bytes
 inline constexpr std::uint32_t min_baud = 300, max_baud = 1'000'000;
 // Data rate over full-speed USB if each 1 ms frame carries one full report.
 inline constexpr std::uint32_t pipe_bytes_per_s = 1000 * max_data;

@@ -32,6 +32,7 @@ error_code make_ours(int fd) {
     return last_error();
   }
   if (::fstat(fd, &is) != 0) return last_error();
+  // major numbers of pseudoterminals (Linux, admin-guide/devices.txt)
   constexpr unsigned first_pty = 136, last_pty = 143;
   const unsigned kind = major(is.st_rdev);
   if ((kind < first_pty || kind > last_pty) && ::ioctl(fd, TIOCEXCL) != 0) return last_error();

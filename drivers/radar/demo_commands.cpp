@@ -122,6 +122,7 @@ std::vector<std::string> needed_to_start(unsigned mode) {
 }
 
 double frame_memory_bytes(unsigned bins, unsigned antennas, unsigned loops) {
+  // radar cube: two i16 per sample; detection matrix: u16 (SDK 3.4, datapath/dpif)
   constexpr double complex_bytes = 4, magnitude_bytes = 2;
   return bins * (complex_bytes * antennas * loops + magnitude_bytes * std::bit_ceil(loops));
 }

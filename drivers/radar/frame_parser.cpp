@@ -11,6 +11,8 @@
 namespace echofuse::radar {
 namespace {
 
+// Layout of a frame in TI's demo (SDK 3.x, demo/xwr68xx/mmw/include/mmw_output.h). The length of a
+// frame is rounded up to a multiple of 32 bytes.
 constexpr std::array<std::uint8_t, 8> magic = {2, 1, 4, 3, 6, 5, 8, 7};
 constexpr std::size_t header_bytes = 40;
 constexpr std::size_t tlv_header_bytes = 8;
@@ -250,7 +252,7 @@ bool FrameParser::read_tlv(std::uint32_t type, ByteView payload, RadarFrame& fra
       frame.power.push_back(power_from_code(code, antennas_));
     return true;
   }
-  constexpr std::size_t sample_bytes = 4;
+  constexpr std::size_t sample_bytes = 4;  // i16 imaginary part, i16 real part (SDK 3.x)
   if ((type == 4 || type == 8) && payload.size() % sample_bytes == 0 && frame.array.empty()) {
     frame.array = to_values<std::int16_t>(payload);
     frame.planar = type == 8;

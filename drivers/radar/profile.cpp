@@ -277,6 +277,7 @@ std::uint32_t frame_bytes(const Cfg& cfg, const RadarProfile& profile, std::uint
   const CfgCommand& gui = cfg.last("guiMonitor");
   const std::uint32_t doppler_bins = std::bit_ceil(loops);
   const auto on = [&](std::size_t flag) { return cfg.number(gui, flag) != 0; };
+  // bytes; sizes as in frame_parser.cpp
   constexpr std::uint32_t header = 40, tlv = 8, unit = 32;
   std::uint32_t bytes = header;
   if (on(2)) bytes += tlv;                            // header of the point list, without points

@@ -360,6 +360,7 @@ void NoDataProbe::receive_data(ByteView bytes) {
 std::string NoDataProbe::take_output() { return std::exchange(output_, {}); }
 
 std::string NoDataProbe::cause() const {
+  // configDataPort sends 16 bytes 0xff (SDK 3.4); some of them may be lost
   constexpr std::size_t min_ping_bytes = 12;
   if (answered_ == 0)
     return "the firmware does not answer: its processor has stopped; reset the board, and disable "

@@ -9,6 +9,7 @@
 namespace echofuse::radar {
 namespace {
 
+// Sources: see ramp.hpp.
 constexpr double band_start_ghz = 60, band_end_ghz = 64;
 constexpr double start_step_ghz = 2.7 / (1 << 26);
 constexpr double slope_step_mhz_us = 2.7e3 * 900 / (1 << 26);

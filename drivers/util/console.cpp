@@ -36,7 +36,7 @@ int run_main(const std::string& program, const std::function<ExitCode()>& body) 
   const auto complain = [&](const char* what, ExitCode code) {
     std::string text = program + ": " + printable_lines(what);
     if (stderr_is_journal()) {  // each line becomes a journal entry with its own priority
-      constexpr const char* error = "<3>";
+      constexpr const char* error = "<3>";  // priority LOG_ERR, see sd-daemon(3)
       for (std::size_t at = 0; at != text.npos; at = text.find('\n', at + 1))
         text.insert(at == 0 ? 0 : at + 1, error);
     }

@@ -69,7 +69,7 @@ void move_side_files_away(const std::string& database) {
   for (const char* suffix : {"-wal", "-journal"}) {
     const std::string file = database + suffix;
     struct stat found {};
-    constexpr off_t header = 32;  // size of a -wal file without frames
+    constexpr off_t header = 32;  // size of a -wal without frames (SQLite file format, section 4.1)
     if (::lstat(file.c_str(), &found) != 0 || found.st_size <= (suffix[1] == 'w' ? header : 0))
       continue;
     std::string kept = file + ".kept";

@@ -27,6 +27,7 @@ Character first_of(std::string_view text) {
     if ((byte(i) & 0xc0u) != 0x80) return {};
     code = code << 6 | (byte(i) & 0x3fu);
   }
+  // smallest code point with this number of bytes (RFC 3629), to reject overlong encodings
   constexpr std::uint32_t smallest[] = {0, 0, 0x80, 0x800, 0x10000};
   const bool surrogate = code >= 0xd800 && code <= 0xdfff;
   if (code < smallest[bytes] || code > 0x10ffff || surrogate) return {};

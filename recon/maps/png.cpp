@@ -25,6 +25,7 @@ void put_chunk(Bytes& out, ByteView contents) {
   put_big_endian(out, ::libdeflate_crc32(0, contents.data(), contents.size()));
 }
 
+// PNG specification, section 5.2
 constexpr std::uint8_t signature[] = {0x89, 'P', 'N', 'G', '\r', '\n', 0x1a, '\n'};
 enum Colours : std::uint8_t { grey = 0, rgb = 2 };
 
@@ -70,7 +71,7 @@ std::optional<Bytes> compressed_rows(ByteView png, std::uint32_t width, std::uin
   Bytes data;
   for (ByteView rest = png.subspan(first_chunk); rest.size() >= around_data;) {
     const std::uint32_t length = big_endian(rest, 0), name = big_endian(rest, 4);
-    constexpr std::uint32_t idat = 0x49444154, iend = 0x49454e44;
+    constexpr std::uint32_t idat = 0x49444154, iend = 0x49454e44;  // "IDAT" and "IEND" in ASCII
     if (length > rest.size() - around_data) return std::nullopt;
     if (name == iend && rest.size() == around_data) return data;
     if (name != idat) return std::nullopt;

@@ -11,6 +11,7 @@
 namespace echofuse::recon {
 namespace {
 
+// Defaults of Kingma and Ba (ICLR 2015).
 constexpr float b1 = 0.9f, b2 = 0.999f, epsilon = 1e-8f;
 // Gradients and moments below these limits are set to 0. They are far below epsilon and do not
 // change any weight, but calculations with subnormal numbers are slow. NaN is kept.

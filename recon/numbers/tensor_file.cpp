@@ -96,6 +96,7 @@ TensorFile::TensorFile(std::string path, ByteView contents) : path_(std::move(pa
   const auto length = in.get<std::uint64_t>();
   if (contents.size() >= 4 && std::memcmp(contents.data(), "ECHO", 4) == 0)
     refuse_file("the model has an older format; train it again");
+  // Runs get a message of their own, because users may swap the arguments.
   constexpr std::string_view sqlite = "SQLite format 3";
   if (contents.size() > sqlite.size() &&
       std::memcmp(contents.data(), sqlite.data(), sqlite.size()) == 0)

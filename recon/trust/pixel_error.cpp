@@ -53,6 +53,7 @@ void blur(SoftMaps& maps, const record::MapGrid& grid, const std::vector<double>
 
 SoftMaps soft_of(SoftMaps own, const Matrix& maps, const SceneModel& scene,
                  const std::vector<double>& lateral_interval_90_m) {
+  // 95 % quantile of the normal distribution, because each tail contains 5 %
   constexpr double deviations_90 = 1.645;
   if (own.foreground_probability.rows == 0 || !scene.has_body())
     return probabilities_of(maps, scene);

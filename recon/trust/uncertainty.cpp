@@ -44,6 +44,7 @@ double factor_of(std::vector<double> ratios) {
 // to distinguish left and right.
 double range_error_m(const Dataset& data, std::size_t row, Inputs inputs,
                      std::span<const float> map, const SceneModel& scene) {
+  // 95 % quantile of the normal distribution, because each tail contains 5 %
   constexpr double deviations_90 = 1.645;
   if (data.sources.empty() || !side_by_ranges(data, inputs)) return 0;
   const Source& run = data.sources[data.source_of(row)];

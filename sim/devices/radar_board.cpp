@@ -17,6 +17,7 @@
 namespace echofuse::sim {
 namespace {
 
+// The demo starts with these baud rates, and counts cycles of the 200 MHz processor (SDK 3.4).
 constexpr unsigned cli_baud = 115200, data_baud = 921600;
 constexpr double cpu_hz = 200e6;
 constexpr double processing_us = 3000;  // time from the last chirp to the first sent byte

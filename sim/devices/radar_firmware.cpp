@@ -11,6 +11,7 @@
 namespace echofuse::sim {
 namespace {
 
+// limits of the demo's command line (SDK 3.4, utils/cli/src/cli.c)
 constexpr std::size_t longest_read = 255, max_words = 40;
 constexpr unsigned last_chirp = 511;
 constexpr char banner_line[] = "******************************************\n";
@@ -258,7 +259,7 @@ int RadarFirmware::gui_monitor(const CommandWords& words) {
 }
 
 int RadarFirmware::config_data_port(const CommandWords& words) {
-  constexpr unsigned fastest = 3125000;
+  constexpr unsigned fastest = 3125000;  // highest baud rate of the data port (SDK 3.4)
   if (state_ == DemoState::started) {
     say("Ignored: This command is not allowed after sensor has started\n");
     return 0;

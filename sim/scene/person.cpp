@@ -14,6 +14,7 @@
 namespace echofuse::sim {
 namespace {
 
+// fractions of the body height (source: see the top of this file)
 constexpr double hip_height = 0.530, thigh = 0.245, shin = 0.246, ankle_height = 0.039;
 constexpr double shoulder_above_hip = 0.275, upper_arm = 0.186, forearm_and_grip = 0.200;
 constexpr double shoulder_half_width = 0.115, hip_half_width = 0.055;

@@ -149,7 +149,7 @@ std::vector<Hit> cast(const Scene& scene, double sensor_x_m, const Axis& x, cons
 }
 
 std::vector<std::uint16_t> render_depth_mm(const Scene& scene, const Axis& x, const Axis& y) {
-  constexpr double max_m = 65.535;
+  constexpr double max_m = 65.535;  // because depths are stored as u16 in mm
   std::vector<std::uint16_t> depth(std::size_t{x.count} * y.count);
   Scanner(scene, 0, x, y, Sampling::centres).scan(Shading::off, [&](const ScanRow& row) {
     for (std::size_t ix = row.from; ix < row.to; ++ix)

@@ -11,7 +11,8 @@
 namespace echofuse::sim {
 namespace {
 
-// Magic word of radar frames: the u16 numbers 0x0102, 0x0304, 0x0506 and 0x0708.
+// Magic word of radar frames: the u16 numbers 0x0102, 0x0304, 0x0506 and 0x0708 (SDK 3.x,
+// mmw_output.h).
 constexpr std::uint64_t magic = 0x0708050603040102;
 // The length of a radar frame in bytes is a multiple of this number.
 constexpr std::size_t radar_unit = 32;
