@@ -408,12 +408,12 @@ VectorXd shape_errors(const Fitted& fit, const VectorXd& shape) {
 // `range_m`: the echo is nearer than two half widths of the main lobe of a Blackman window, and a
 // nearer bin outside its own main lobe has more than twice the median power.
 bool leakage_overlaps(const Profile& profile, const EchoAxis& axis, double range_m) {
-  constexpr double lobe_cells = 3, log2_twice = 1;
+  constexpr double lobe_cells = 3, log2_of_two = 1;
   if (range_m >= 2 * lobe_cells * axis.resolution_m) return false;
   const double free_m = range_m - lobe_cells * axis.resolution_m;
   const auto bins = static_cast<std::ptrdiff_t>((free_m - axis.start_m) / axis.step_m) + 1;
   return bins < 1 || *std::max_element(profile.mean.begin(), profile.mean.begin() + bins) >
-                         profile.floor + log2_twice;
+                         profile.floor + log2_of_two;
 }
 
 }  // namespace

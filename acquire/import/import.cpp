@@ -261,8 +261,8 @@ std::string import_recordings(Config config, const ImportOptions& options) {
   // time minus the duration of the recording.
   if (options.began.empty() && began.doubt.empty()) {
     RadarRecording whole(config.radar.data, parse_profile(config.radar));
-    SampleSink nobody;
-    while (whole.next(nobody)) {
+    SampleSink no_sink;
+    while (whole.next(no_sink)) {
     }
     begins(modified(config.radar.data) - whole.at(),
            "start time unknown: the file's modification time is used as the end time; set the "

@@ -24,10 +24,10 @@ int spend(void* budget) { return --static_cast<Budget*>(budget)->left < 0; }
 }  // namespace
 
 Budget Budget::of_file(std::uint64_t bytes) {
-  constexpr std::int64_t steps_at_least = 200, instructions_a_byte = 4, mib = 1 << 20;
+  constexpr std::int64_t min_steps = 200, instructions_a_byte = 4, mib = 1 << 20;
   const auto size = static_cast<std::int64_t>(bytes);
   Budget out;
-  out.all = out.left = steps_at_least + size / instructions_a_step * instructions_a_byte;
+  out.all = out.left = min_steps + size / instructions_a_step * instructions_a_byte;
   out.bytes = 2 * size + 64 * mib;  // a live run may grow while it is read
   // 128 MiB can hold an SPD histogram of 2^24 bins and a depth image of 2^23 pixels.
   out.longest_value = static_cast<int>(std::clamp(size, 16 * mib, 128 * mib));

@@ -57,7 +57,7 @@ std::string fault_of_slot(const FusedRecord& r) {
 }
 
 // Returns how many records to unpack together: at most 64, and at most 16 M values.
-std::size_t records_at_once(const Shapes& shapes) {
+std::size_t batch_size(const Shapes& shapes) {
   constexpr std::size_t max_batch = 64, max_values = std::size_t{1} << 24;
   std::size_t values = 1;
   for (const Shape& shape : shapes) values += shape.values;
@@ -138,10 +138,10 @@ void RunReader::open(const std::string& network) {
   if (code == SQLITE_CANTOPEN || code == SQLITE_READONLY) {
     // An immutable connection would ignore the records in a WAL. It would also ignore a journal
     // that must be rolled back.
-    for (const char* beside : {"-wal", "-journal"})
-      if (bytes_of(file_ + beside) > 0 && !lacks_wal_)
+    for (const char* suffix : {"-wal", "-journal"})
+      if (bytes_of(file_ + suffix) > 0 && !lacks_wal_)
         throw Error(ExitCode::failed, shown_ + ": was not closed, and its last records are in " +
-                                          printable(file_) + beside +
+                                          printable(file_) + suffix +
                                           "; copy both files to a writable folder");
     unchanging();
   }
@@ -366,7 +366,7 @@ void RunReader::for_each(const std::function<bool(const FusedRecord&)>& visit, s
     }
     before = index;
     some.push_back(std::move(one));
-    if (some.size() >= (in_parallel ? records_at_once(*known) : 1) && !hand_over()) return;
+    if (some.size() >= (in_parallel ? batch_size(*known) : 1) && !hand_over()) return;
   }
   hand_over();
 }

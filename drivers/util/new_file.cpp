@@ -205,7 +205,7 @@ void let_group_read(int file) {
 }
 
 void remove_side_files(const std::string& database) {
-  for (const char* beside : {"-journal", "-wal", "-shm"}) ::unlink((database + beside).c_str());
+  for (const char* suffix : {"-journal", "-wal", "-shm"}) ::unlink((database + suffix).c_str());
 }
 
 }  // namespace echofuse

@@ -82,8 +82,8 @@ std::string login_name() {
 
 std::string sibling_program(const std::string& name) {
   std::error_code none;
-  const auto beside = program_folder() / name;
-  return std::filesystem::exists(beside, none) ? beside.string() : name;
+  const auto sibling = program_folder() / name;
+  return std::filesystem::exists(sibling, none) ? sibling.string() : name;
 }
 
 std::string fault_of_program(const std::string& name) {

@@ -290,8 +290,8 @@ Dataset load_recorded(const std::vector<std::string>& paths) {
     append(data, run, 0, static_cast<std::size_t>(run.count()),
            {Sensor::spd, Sensor::radar, Sensor::depth}, note, for_each_part, depths.get());
   }
-  if (const std::string said = depths->text(paths.front(), data.spd().axis); !said.empty())
-    std::fprintf(stderr, "%s\n", said.c_str());
+  if (const std::string warning = depths->text(paths.front(), data.spd().axis); !warning.empty())
+    std::fprintf(stderr, "%s\n", warning.c_str());
   const std::size_t damaged = data.damaged.size(), all = data.size() + damaged;
   if (static_cast<double>(damaged) > max_damaged * static_cast<double>(all))
     throw Error(ExitCode::failed, to_text(data.damaged.front()) + "; " + std::to_string(damaged) +

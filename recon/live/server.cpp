@@ -358,16 +358,17 @@ Message Server::Impl::answer_to(Session& session, const Request& request) {
   if (const auto* m = std::get_if<Mark>(&request)) return mark(session, *m);
   ServedRun& served = served_run(session);
   return attempt([&]() -> Message {
-    if (const auto* asked = std::get_if<ShowSheet>(&request))
-      return served.messages.sheet(asked->first, asked->last);
-    if (const auto* asked = std::get_if<ShowSum>(&request)) {
-      session.summed = *asked;
+    if (const auto* requested = std::get_if<ShowSheet>(&request))
+      return served.messages.sheet(requested->first, requested->last);
+    if (const auto* requested = std::get_if<ShowSum>(&request)) {
+      session.summed = *requested;
       return sum(served, session);
     }
-    const auto* asked = std::get_if<ShowRecord>(&request);
-    session.live = !asked;
-    if (asked) session.held = asked->index;
-    const Message record = asked ? served.messages.record(asked->index, false) : newest(served);
+    const auto* requested = std::get_if<ShowRecord>(&request);
+    session.live = !requested;
+    if (requested) session.held = requested->index;
+    const Message record =
+        requested ? served.messages.record(requested->index, false) : newest(served);
     if (session.summed) session.send(MessageKind::sum, sum(served, session));
     return record;
   });

@@ -46,8 +46,8 @@ double to_slopes(const RowTargets& row_targets, std::size_t columns, float* outp
   return sum;
 }
 
-constexpr std::size_t values_at_once = 1 << 16;  // number of output values in one part of a batch
-constexpr double max_value = 1e18;               // largest value allowed in a model file
+constexpr std::size_t part_values = 1 << 16;  // number of output values in one part of a batch
+constexpr double max_value = 1e18;            // largest value allowed in a model file
 
 bool sound(const std::vector<float>& values) {
   return std::all_of(values.begin(), values.end(),
@@ -251,9 +251,9 @@ double Regression::train_batch(const Examples& train, std::span<const std::size_
   std::vector<float> per_spread(columns);
   for (std::size_t c = 0; c < columns; ++c) per_spread[c] = 1 / spread_[c];
   std::vector<double> squares(rows.size());
-  const std::size_t at_once = std::max<std::size_t>(1, values_at_once / columns);
-  for_each_part((rows.size() + at_once - 1) / at_once, [&](std::size_t part) {
-    const std::size_t first = part * at_once, last = std::min(first + at_once, rows.size());
+  const std::size_t part_rows = std::max<std::size_t>(1, part_values / columns);
+  for_each_part((rows.size() + part_rows - 1) / part_rows, [&](std::size_t part) {
+    const std::size_t first = part * part_rows, last = std::min(first + part_rows, rows.size());
     for (std::size_t i = first; i < last; ++i) {
       const auto truth = training.redraw ? batch_targets_.row(i) : train.targets.row(rows[i]);
       float* const row = output.data() + i * columns;

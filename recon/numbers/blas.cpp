@@ -98,10 +98,10 @@ void multiply(const Product<double>& p, const double* a, const double* b, double
 
 // LAPACK uses column-major order, so our rows are its columns.
 void orthonormalise_rows(std::size_t rows, std::size_t cols, float* values) {
-  constexpr std::size_t at_once = 64;  // block size used for the workspace, in columns
+  constexpr std::size_t block = 64;  // block size used for the workspace, in columns
   choose_kernels();
   const int m = static_cast<int>(cols), n = static_cast<int>(rows);
-  std::vector<float> scales(rows), work(rows * at_once);
+  std::vector<float> scales(rows), work(rows * block);
   const int work_size = static_cast<int>(work.size());
   int info = 0;
   sgeqrf_(&m, &n, values, &m, scales.data(), work.data(), &work_size, &info);

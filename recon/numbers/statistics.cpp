@@ -110,11 +110,11 @@ void subtract_median(std::span<float> values) {
 
 std::vector<float> column_quantile(const Matrix& table, const Rows& rows, double share) {
   // Number of columns processed at a time: one cache line of each row.
-  constexpr std::size_t at_once = 16;
+  constexpr std::size_t block_columns = 16;
   std::vector<float> out(table.cols);
-  std::vector<std::vector<float>> columns(at_once, std::vector<float>(rows.size()));
-  for (std::size_t first = 0; first < table.cols; first += at_once) {
-    const std::size_t count = std::min(at_once, table.cols - first);
+  std::vector<std::vector<float>> columns(block_columns, std::vector<float>(rows.size()));
+  for (std::size_t first = 0; first < table.cols; first += block_columns) {
+    const std::size_t count = std::min(block_columns, table.cols - first);
     for (std::size_t i = 0; i < rows.size(); ++i) {
       const auto values = table.row(rows[i]).subspan(first, count);
       for (std::size_t c = 0; c < count; ++c) columns[c][i] = values[c];

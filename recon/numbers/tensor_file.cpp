@@ -109,10 +109,10 @@ TensorFile::TensorFile(std::string path, ByteView contents) : path_(std::move(pa
   const auto mark = header.find("\"crc32c\":\"");
   if (mark == std::string::npos || mark + 18 > header.size())
     refuse_file("has no checksum; expected a model written by echofuse-recon train");
-  const std::string said = header.substr(mark + 10, 8);
+  const std::string stated = header.substr(mark + 10, 8);
   header.replace(mark + 10, 8, no_crc);
   const std::uint32_t crc = crc32c(values, crc32c(as_bytes(header), crc32c(contents.first(8))));
-  if (said != hex(crc)) throw Error(ExitCode::failed, path_ + ": damaged: checksum mismatch");
+  if (stated != hex(crc)) throw Error(ExitCode::failed, path_ + ": damaged: checksum mismatch");
   parse(header, values);
 }
 
@@ -156,8 +156,8 @@ void TensorFile::parse(const std::string& header, ByteView values) try {
   for (const auto& [begin, end, own] : places)
     own->assign(values.begin() + static_cast<std::ptrdiff_t>(begin),
                 values.begin() + static_cast<std::ptrdiff_t>(end));
-  const json said = json::parse(head.at("__metadata__").at("facts").get<std::string>());
-  for (const auto& [name, fact] : said.items()) {
+  const json stored = json::parse(head.at("__metadata__").at("facts").get<std::string>());
+  for (const auto& [name, fact] : stored.items()) {
     if (fact.is_string())
       facts[name] = fact.get<std::string>();
     else if (fact.is_number_float())
@@ -172,11 +172,13 @@ void TensorFile::parse(const std::string& header, ByteView values) try {
 }
 
 Bytes TensorFile::to_bytes() const {
-  json said = json::object(), head = json::object();
+  json stored = json::object(), head = json::object();
   for (const auto& [name, fact] : facts)
-    std::visit([&, key = name](const auto& value) { said[key] = value; }, fact);
-  head["__metadata__"] = {
-      {"crc32c", no_crc}, {"facts", said.dump()}, {"kernel", blas_kernels()}, {"commit", commit()}};
+    std::visit([&, key = name](const auto& value) { stored[key] = value; }, fact);
+  head["__metadata__"] = {{"crc32c", no_crc},
+                          {"facts", stored.dump()},
+                          {"kernel", blas_kernels()},
+                          {"commit", commit()}};
   std::size_t at = 0;
   std::vector<const Tensor*> order;
   for (const std::size_t width : {8U, 4U, 1U})

@@ -16,7 +16,7 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr std::size_t at_once = 512;  // batch size in records; limits memory use
+constexpr std::size_t batch_records = 512;  // batch size in records; limits memory use
 
 // Has no early exit, so that the compiler can vectorise the loop.
 ECHOFUSE_CLONES bool all_finite(const float* values, std::size_t count) {
@@ -167,8 +167,9 @@ Prediction predict(const TrainedModel& model, const Dataset& data, const Rows& r
     Rows places;  // indices into `rows`
     for (std::size_t i = 0; i < rows.size(); ++i)
       if ((estimator_for[i] ? estimator_for[i] : &usual) == &by) places.push_back(i);
-    for (std::size_t first = 0; first < places.size(); first += at_once) {
-      const auto some = std::span(places).subspan(first, std::min(at_once, places.size() - first));
+    for (std::size_t first = 0; first < places.size(); first += batch_records) {
+      const auto some =
+          std::span(places).subspan(first, std::min(batch_records, places.size() - first));
       Rows own;
       for (const std::size_t place : some) own.push_back(rows[place]);
       put(out, predict_by(by, data, own, detail), some, rows.size());

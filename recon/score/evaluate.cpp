@@ -107,14 +107,14 @@ void score_predictions(const TrainedModel& model, const Records& records, const 
                        const std::string& title, Evaluation& out) {
   const SceneModel& scoring = out.scoring.scene;
   Progress progress(title, rows.size(), title.empty());
-  constexpr std::size_t at_once = 512;
+  constexpr std::size_t batch_records = 512;
   const PredictionDetail detail =
       model.first().uncertainty ? PredictionDetail::pixels : PredictionDetail::maps;
   std::vector<MapScores>& scores = out.scores;
   StatedUncertainty uncertainty;
-  for (std::size_t first = 0; first < rows.size(); first += at_once) {
+  for (std::size_t first = 0; first < rows.size(); first += batch_records) {
     const auto begin = rows.begin() + static_cast<std::ptrdiff_t>(first);
-    const Rows part(begin, begin + std::min<std::ptrdiff_t>(at_once, rows.end() - begin));
+    const Rows part(begin, begin + std::min<std::ptrdiff_t>(batch_records, rows.end() - begin));
     Prediction one = predict(model, records.data, part, detail);
     widen_intervals(model, records.data, part, out.domain_shift, one.uncertainties);
     if (!one.uncertainties.empty() && model.first().uncertainty)

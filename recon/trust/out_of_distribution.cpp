@@ -27,7 +27,7 @@ constexpr std::size_t few_records = 400, many_records = 3000;
 // Allowed false alarm rate of T^2, of the detection of two bodies, and of the Q statistics of all
 // groups together.
 constexpr double above_limit = 0.002;
-constexpr double nobody = -30;  // log odds of two bodies if a record shows no body
+constexpr double no_body_log_odds = -30;  // log odds of two bodies if a record shows no body
 // Margin of the range limits, as a fraction of the training span.
 constexpr double range_reserve = 0.05;
 // A record can be saturated only if its clicks per pulse exceed this factor times the maximum in
@@ -219,7 +219,7 @@ OutOfDistributionDetector::StatisticValues OutOfDistributionDetector::find(
   out.values[t2] = std::log(std::max(sum, 0.0) + tiny);
   out.values[two] = two_bodies_.known() && shows_body(description)
                         ? two_bodies_(description.first(first_[range + 1]))
-                        : nobody;
+                        : no_body_log_odds;
   return out;
 }
 

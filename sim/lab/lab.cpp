@@ -293,9 +293,9 @@ ExitCode serve_command(Lab& lab, const std::vector<std::string>& command, bool q
         "laboratory closes when this command exits\n",
         command.front().c_str());
   int status = 0;
-  bool told = false;
+  bool signalled = false;
   lab.serve([&] {
-    if (interrupted() && !std::exchange(told, true)) ::kill(child, SIGTERM);
+    if (interrupted() && !std::exchange(signalled, true)) ::kill(child, SIGTERM);
     return ::waitpid(child, &status, WNOHANG) != 0;
   });
   if (talks) std::fputs("the laboratory is closed\n", stderr);

@@ -59,9 +59,9 @@ ECHOFUSE_CLONES void meet_capsule(const CapsuleShape& c, const double* x, const 
     const bool at_b = parallel ? along <= 0 : after_a;
     const double to_end = at_b ? to_b : to_a;
     const double end_root = to_end * to_end - ray2 * (at_b ? s.end_b : s.end_a);
-    const bool beside = !parallel & after_a & before_b;
-    const double met =
-        ((beside ? half : to_end) - std::sqrt(beside ? root : end_root)) / (beside ? square : ray2);
+    const bool at_side = !parallel & after_a & before_b;
+    const double met = ((at_side ? half : to_end) - std::sqrt(at_side ? root : end_root)) /
+                       (at_side ? square : ray2);
     z[i] = (!parallel & (root < 0)) ? 0 : met;
   }
 }

@@ -101,18 +101,18 @@ class Walls {
         out.range_m.push_back(way_m / 2 + extra_m);
         out.weight.push_back(weight / mean_scene_weight);
       };
-      ByLength once, twice;
+      ByLength one_wall, two_walls;
       send(patch, [&](std::size_t p, double way_m, double light) {
         put(way_m + patch.range_m, ways * back * light);
         if (order_ < 2) return;
-        once.add(way_m, light);
-        twice.add(again_[p], length(patch.at - patches_[p].at), light / light_[p]);
+        one_wall.add(way_m, light);
+        two_walls.add(again_[p], length(patch.at - patches_[p].at), light / light_[p]);
       });
-      twice.for_each(
+      two_walls.for_each(
           [&](double way_m, double light) { put(way_m + patch.range_m, ways * back * light); });
       if (ways < 2) continue;
       ByLength both;  // light that travels out via one wall and back via a different wall
-      once.for_each([&](double there_m, double light) { both.add(once, there_m, light); });
+      one_wall.for_each([&](double there_m, double light) { both.add(one_wall, there_m, light); });
       both.for_each(
           [&](double way_m, double light) { put(way_m, patch.albedo * patch.area_m2() * light); });
     }

@@ -157,8 +157,8 @@ class Report:
         """All other lines of text that `evaluate` returned."""
         results = [found.result for found in (self.evaluation if self.models else None, self.live,
                                               self.others and self.others.evaluation) if found]
-        told = " ".join(self.problems)
-        return [line for line in lines_of(results) if line not in told]
+        shown = " ".join(self.problems)
+        return [line for line in lines_of(results) if line not in shown]
 
     def read_provenance(self) -> dict[str, str]:
         """Returns information about the program, the host, the run and the models, keyed by
