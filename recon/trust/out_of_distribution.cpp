@@ -20,8 +20,10 @@ namespace {
 
 constexpr std::uint64_t held_stream = 0x68656c64;  // "held" in ASCII
 constexpr std::size_t max_components = 36, rows_a_component = 60;
-// Number of folds if there are fewer than `many_records` records, and if there are more. If there
-// are at least `few_records` records, only one fold is used to set the limits.
+// Number of folds if there are fewer than `many_records` records, and if there are more. The limits
+// of T^2 and Q are set by all folds, because the tail of one fold has too few records. The detection
+// of two bodies is slow to train; if there are at least `few_records` records, its limit is set by
+// the last fold only.
 constexpr std::size_t folds_of_few = 4, folds_of_many = 10;
 constexpr std::size_t few_records = 400, many_records = 3000;
 // Allowed false alarm rate of T^2, of the detection of two bodies, and of the Q statistics of all
@@ -122,28 +124,28 @@ OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
   const auto shows_two = [&](std::size_t i) {
     return data.records[rows[i]].label == two_people_label;
   };
-  const auto learn = [&](const Rows& part) {
+  const auto learn = [&](const Rows& part, bool with_two_bodies) {
     Rows usual = usual_rows(part, with_body);
     learn_components(take_rows(all, usual), seed);
     std::erase_if(usual, shows_two);
     for (std::size_t& i : usual) i = rows[i];
-    if (sensors.spd_count() > 0)
+    if (with_two_bodies)
       two_bodies_ = learn_two_bodies(alignment, sensors, data, usual, scene, seed);
   };
   Rng rng = make_rng(seed, held_stream);
   const Rows order = shuffled(rows.size(), rng);
-  // If there are few records, all folds set the limits, each by a fit to the other folds.
-  const bool few = rows.size() < few_records;
+  const bool few = rows.size() < few_records, has_spd = sensors.spd_count() > 0;
   const std::size_t parts = rows.size() < many_records ? folds_of_few : folds_of_many;
   std::vector<StatisticValues> held;
-  std::vector<bool> held_two;
+  std::vector<bool> without_two;  // records that do not set the limit of two bodies
   const WiderRadars wider(data, rows, inputs);
   std::vector<std::vector<StatisticValues>> held_converted(wider.size());
-  for (std::size_t part = few ? 0 : parts - 1; part < parts; ++part) {
+  for (std::size_t part = 0; part < parts; ++part) {
     const Split fold = make_fold(order, part, parts, 0);
-    learn(fold.train);
+    const bool learns_two = few || part + 1 == parts;
+    learn(fold.train, has_spd && learns_two);
     for (const std::size_t i : fold.test)
-      held.push_back(find(all.row(i))), held_two.push_back(shows_two(i));
+      held.push_back(find(all.row(i))), without_two.push_back(!learns_two || shows_two(i));
     for (std::size_t k = 0; k < wider.size(); ++k) {
       Rows some;
       for (const std::size_t i : fold.test) some.push_back(rows[i]);
@@ -152,10 +154,10 @@ OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
         held_converted[k].push_back(find(converted.row(i)));
     }
   }
-  if (few) learn(order);
-  limits_ = limits_of(held, held_two);
+  if (few) learn(order, has_spd);
+  limits_ = limits_of(held, without_two);
   for (std::size_t k = 0; k < wider.size(); ++k)
-    converted_.push_back({wider.times_wider(k), limits_of(held_converted[k], held_two)});
+    converted_.push_back({wider.times_wider(k), limits_of(held_converted[k], without_two)});
 }
 
 std::vector<float> OutOfDistributionDetector::describe(std::span<const float> view,
@@ -224,12 +226,12 @@ OutOfDistributionDetector::StatisticValues OutOfDistributionDetector::find(
 }
 
 OutOfDistributionDetector::Limits OutOfDistributionDetector::limits_of(
-    const std::vector<StatisticValues>& held, const std::vector<bool>& shows_two) {
+    const std::vector<StatisticValues>& held, const std::vector<bool>& without_two) {
   Limits out;
   for (std::size_t s = 0; s < statistics; ++s) {
     std::vector<float> values;
     for (std::size_t i = 0; i < held.size(); ++i)
-      if (s != two || !shows_two[i]) values.push_back(static_cast<float>(held[i].values[s]));
+      if (s != two || !without_two[i]) values.push_back(static_cast<float>(held[i].values[s]));
     if (values.empty()) continue;  // empty if all records show two people
     const double usual = double{quantile(values, 0.5)};
     const double above = above_limit / (s < groups ? static_cast<double>(groups) : 1.);

@@ -92,7 +92,7 @@ class OutOfDistributionDetector {
   };
   void learn_components(const Matrix& descriptions, std::uint64_t seed);
   static Limits limits_of(const std::vector<StatisticValues>& held,
-                          const std::vector<bool>& shows_two);
+                          const std::vector<bool>& without_two);
   Limits limits_for(double times_wider) const;
   static void archive(Archive archive, Limits& limits);
   // Returns the description of a record: its view without correlation, and its normalised
