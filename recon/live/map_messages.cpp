@@ -43,7 +43,7 @@ void RunMessages::add_maps(MessageWriter& out, Json& head, const record::FusedRe
   if (camera) model_->compare(made, map_of(r, axes, made.grid));
   const auto given = [](const std::optional<double>& v) { return v ? number(*v) : Json(); };
   std::optional<double> interval_m = made.lateral_interval_90_m;
-  if (interval_m) *interval_m *= interval_factor_of(made);
+  if (interval_m) *interval_m *= group_.interval_factor;
   head["reconstruction"] = {{"fault", made.fault},
                             {"note", made.note},
                             {"seen", model_->saw(run_.info().uuid, r.index)},
@@ -81,15 +81,11 @@ std::vector<std::int64_t> RunMessages::worst_and_median() const {
   return {scored.front().second, scored[scored.size() / 2].second};
 }
 
-double RunMessages::interval_factor_of(const Reconstruction& made) const {
-  return made.note.empty() ? group_.interval_factor : 1;
-}
-
 RunMessages::TrackPoint RunMessages::place_of(const Reconstruction& made) {
   const auto given = [](const std::optional<double>& v) {
     return v ? static_cast<float>(*v) : std::nanf("");
   };
-  return {given(made.x_m), given(made.z_m), given(made.lateral_interval_90_m), made.note.empty()};
+  return {given(made.x_m), given(made.z_m), given(made.lateral_interval_90_m)};
 }
 
 // Returns the track of the body over the minute that ends with record `index`. Each point contains
@@ -111,8 +107,8 @@ std::vector<float> RunMessages::track(const record::RunReader& run, std::int64_t
     auto known = places_.find(o->index);
     if (known == places_.end())
       known = places_.emplace(o->index, place_of(model_->reconstruct(run, o->index, false))).first;
-    const auto& [x_m, z_m, interval_90_m, usual] = known->second;
-    const float interval_m = interval_90_m * static_cast<float>(usual ? group_.interval_factor : 1);
+    const auto& [x_m, z_m, interval_90_m] = known->second;
+    const float interval_m = interval_90_m * static_cast<float>(group_.interval_factor);
     const double age_s = seconds(minute.front()->start - o->start);
     out.insert(out.end(), {static_cast<float>(age_s), x_m, z_m, interval_m});
   }

@@ -82,11 +82,8 @@ class RunMessages {
   std::map<std::int64_t, Summed> sums_;  // cached sums, by requested number of records
   struct TrackPoint {  // body position and half-width of its 90 % interval, m; NaN if unknown
     float x_m, z_m, interval_90_m;
-    bool usual;  // false: a fallback estimator made the map
   };
   static TrackPoint place_of(const Reconstruction& made);
-  // Returns the factor by which the interval is widened; it is that of the newest records.
-  double interval_factor_of(const Reconstruction& made) const;
   std::map<std::int64_t, TrackPoint> places_;  // cached points of the track, by record index
   RunSettings settings_;
   int last_edition_ = -1, places_edition_ = -1, reference_edition_ = -1, settings_edition_ = -1;

@@ -285,9 +285,7 @@ void RunReconstructor::write(const Records& records, std::span<const std::size_t
       files_.write(*files), time(status, records.data.records[rows[i]].slot_end);
   for (std::size_t i = 0; i < made.size(); ++i) {
     RecordStatus& status = made[i].first;
-    if (status.uncertainty &&
-        model_.estimator_for(records.data, rows[i]) == &model_.for_run(records.data))
-      status.uncertainty->lateral_interval_90_m *= interval_factor_;
+    if (status.uncertainty) status.uncertainty->lateral_interval_90_m *= interval_factor_;
     report_damaged(status.index), report(status);
   }
 }

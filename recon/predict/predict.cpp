@@ -148,13 +148,6 @@ DomainShift domain_shift_of(const TrainedModel& model, const Dataset& run) {
   return out;
 }
 
-void widen_intervals(const TrainedModel& model, const Dataset& data, const Rows& rows,
-                     const DomainShift& run, std::vector<PredictionUncertainty>& of_rows) {
-  for (std::size_t i = 0; i < of_rows.size(); ++i)
-    if (model.estimator_for(data, rows[i]) == &model.for_run(data))
-      of_rows[i].lateral_interval_90_m *= run.interval_factor;
-}
-
 Prediction predict(const TrainedModel& model, const Dataset& data, const Rows& rows,
                    PredictionDetail detail) {
   if (detail == PredictionDetail::pixels) require_uncertainty(model);

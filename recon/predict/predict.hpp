@@ -26,10 +26,6 @@ struct Records {
 // Tests whether the records as a group differ from the training data. For a run used in training,
 // uses only the held-out records. For another run, excludes copies of training records.
 DomainShift domain_shift_of(const TrainedModel& model, const Dataset& data);
-// Multiplies the 90 % intervals of these rows by the factor of their run. Maps of fallback
-// estimators keep their intervals.
-void widen_intervals(const TrainedModel& model, const Dataset& data, const Rows& rows,
-                     const DomainShift& run, std::vector<PredictionUncertainty>& of_rows);
 
 // Converts recorded runs (load_recorded, load_part) or modified records to the axes of
 // TrainedModel::for_run. `range_offset_m`: radar range bias in addition to the calibration offset,

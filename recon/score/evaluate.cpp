@@ -116,7 +116,8 @@ void score_predictions(const TrainedModel& model, const Records& records, const 
     const auto begin = rows.begin() + static_cast<std::ptrdiff_t>(first);
     const Rows part(begin, begin + std::min<std::ptrdiff_t>(batch_records, rows.end() - begin));
     Prediction one = predict(model, records.data, part, detail);
-    widen_intervals(model, records.data, part, out.domain_shift, one.uncertainties);
+    for (PredictionUncertainty& u : one.uncertainties)
+      u.lateral_interval_90_m *= out.domain_shift.interval_factor;
     if (!one.uncertainties.empty() && model.first().uncertainty)
       uncertainty.add(one, records.data, part, scoring);
     if (one.uncertainties.empty() && model.first().uncertainty)

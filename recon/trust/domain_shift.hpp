@@ -41,8 +41,7 @@ struct DomainShift {
   std::size_t assessed = 0, flagged = 0;
   std::string reason{};
   // Factor by which the 90 % intervals of the run's records are widened: 1, or 1.05 to 10.
-  // Increases with the differences that enlarge the lateral error. Does not apply to the maps of a
-  // fallback estimator.
+  // Increases with the differences that enlarge the lateral error.
   double interval_factor = 1;
   // Range difference that the static echoes show; empty if it is not significant.
   std::string range_difference{};

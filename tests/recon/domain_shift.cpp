@@ -188,28 +188,6 @@ TEST_CASE("the 90 % intervals of a run are widened by its difference from the tr
   }
 }
 
-TEST_CASE("the maps of a fallback estimator keep their 90 % intervals") {
-  const TrainedModel& model = trained("mean-shape", "fused");
-  Dataset data = plates(100, 10);
-  for (std::size_t row = 0; row < 10; ++row) data.records[row].valid.erase(Sensor::radar);
-  const Records run = prepare_records(model, std::move(data), 0.05);
-  const DomainShift shift = domain_shift_of(model, run.data);
-  REQUIRE(shift.interval_factor > 1);
-  const Rows rows = all_rows(run.data.size());
-  const auto plain =
-      recon::predict(model, run.data, rows, PredictionDetail::uncertainty).uncertainties;
-  auto widened = plain;
-  widen_intervals(model, run.data, rows, shift, widened);
-  std::size_t kept = 0;
-  for (std::size_t i = 0; i < plain.size(); ++i) {
-    if (std::isnan(plain[i].lateral_interval_90_m)) continue;
-    kept += i < 10;
-    CHECK(widened[i].lateral_interval_90_m ==
-          Approx(plain[i].lateral_interval_90_m * (i < 10 ? 1 : shift.interval_factor)));
-  }
-  CHECK(kept > 0);
-}
-
 TEST_CASE("the domain-shift test measures radar power out to half the range of the body") {
   const TrainedModel& model = trained("ridge", "radar");
   // The echoes of the plates begin in bin 12.
