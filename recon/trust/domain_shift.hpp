@@ -51,7 +51,7 @@ struct DomainShift {
   bool found() const {
     return mostly_flagged() || (p < max_p && !differences.empty()) || !range_difference.empty();
   }
-  // Returns true if most records are flagged. About one in 140 records that resemble the training
+  // Returns true if most records are flagged. About one in 250 records that resemble the training
   // data is flagged.
   bool mostly_flagged() const;
   std::string text() const;  // message for the user; empty if the run was not tested

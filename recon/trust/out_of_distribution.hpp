@@ -9,7 +9,7 @@
 //               values (Jackson and Mudholkar, Technometrics 21, 341, 1979)
 //   two bodies  log odds of two bodies (learn_two_bodies); needs an SPD
 // Each statistic is scaled: it is 0 at the median of the training records and 1 at its limit, so
-// that a value above 1 is unusual. About one in 140 records like the training records exceeds a
+// that a value above 1 is unusual. About one in 250 records like the training records exceeds a
 // limit. Records converted from a wider radar response (data/response_conversion.hpp) have separate
 // limits, learnt from imitations, because the filter amplifies their noise. Limits are interpolated
 // between two widths. Further checks detect a record without a body, a body outside the training
