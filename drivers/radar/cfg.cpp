@@ -25,11 +25,22 @@ constexpr std::size_t max_line = 255, max_words = 40;
 // Maximum size of a cfg. The cfgs of TI's demos have sizes of 1 to 4 kB.
 constexpr std::size_t max_cfg_bytes = 64 << 10;
 
+constexpr unsigned max_subframes = 4;
+constexpr auto npos = std::string_view::npos;
+
+// Returns true if the command's first argument selects the subframe, or all subframes.
+bool applies_to(const CfgCommand& c, unsigned subframe) {
+  return c.words.size() > 1 && (c.words[1] == "-1" || c.words[1] == std::to_string(subframe));
+}
+
 std::string quoted(std::string_view word) { return std::string(1, '\'').append(word) += '\''; }
 
 std::optional<double> to_number(std::string_view word) {
   double value = 0;
-  const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), value);
+  const bool hex = word.starts_with("0x");
+  const auto [end, error] =
+      std::from_chars(word.data() + (hex ? 2 : 0), word.data() + word.size(), value,
+                      hex ? std::chars_format::hex : std::chars_format::general);
   const bool whole = error == std::errc{} && end == word.data() + word.size();
   return whole && std::isfinite(value) ? std::optional(value) : std::nullopt;
 }
@@ -113,6 +124,14 @@ const std::vector<CfgCommand>& Cfg::all(const std::string& command) const {
   return it->second;
 }
 
+const CfgCommand* Cfg::of_subframe(const std::string& command, unsigned subframe) const {
+  const CfgCommand* found = nullptr;
+  if (has(command))
+    for (const CfgCommand& c : all(command))
+      if (applies_to(c, subframe)) found = &c;
+  return found;
+}
+
 void Cfg::require(const std::string& command) {
   if (has(command)) return;
   faulty_ = true;
@@ -132,8 +151,11 @@ std::string Cfg::outside(const CfgCommand& c, std::size_t i) const {
   const NumberRange& range = command->numbers[i - 1];
   const double value = number(c, i), min = range.from_previous ? number(c, i - 1) : range.min;
   const bool fits = min <= value && value <= range.max;
+  // The firmware reads whole numbers with atoi, which ends at the first other character.
+  const bool plain = range.hex || c.words[i].find_first_of(range.whole ? "xeE" : "x") == npos;
   const bool whole = !range.whole || value == std::floor(value);
-  if (fits && whole && (!range.power_of_two || std::has_single_bit(static_cast<unsigned>(value))))
+  if (fits && plain && whole &&
+      (!range.power_of_two || std::has_single_bit(static_cast<unsigned>(value))))
     return {};
   return quoted(c.words[i]) + " should be a " +
          (range.power_of_two ? "power of two"
@@ -165,6 +187,7 @@ void Cfg::add(const CfgLine& line) {
     refuse(where(line.number) + "column " + std::to_string(odd - text.begin() + 1) + " has a " +
            (from[0] == '\t'                                            ? "tab"
             : from.starts_with("\xc2\xa0") || from.starts_with("\xa0") ? "no-break space"
+            : from[0] > 0                                              ? "control character"
                                                                        : "non-ASCII character") +
            "; the firmware splits words at spaces only");
   if (text.size() > max_line)
@@ -201,9 +224,18 @@ void Cfg::check_words(const CfgCommand& c) {
   if (expected + 1 != c.words.size()) return refuse(complaint(c, miscounted(c, expected)));
   for (std::size_t i = 1; i <= expected; ++i)
     if (const std::string what = outside(c, i); !what.empty()) refuse(complaint(c, what));
-  if (constexpr double max_bins = 32;
-      name == "calibDcRangeSig" && number(c, 4) - number(c, 3) >= max_bins)
+  check_combination(c);
+}
+
+// Checks arguments that the demo accepts only together.
+void Cfg::check_combination(const CfgCommand& c) {
+  constexpr double max_bins = 32;
+  if (c.words[0] == "calibDcRangeSig" && number(c, 4) - number(c, 3) >= max_bins)
     refuse(complaint(c, "has more than 32 bins (limit of the demo)"));
+  if (c.words[0] == "calibData" && number(c, 1) != 0 && number(c, 2) != 0)
+    refuse(complaint(c, "saves and restores at once; the demo does only one of both"));
+  if (c.words[0] == "lvdsStreamCfg" && number(c, 2) == 0 && number(c, 3) != 0 && number(c, 4) != 0)
+    refuse(complaint(c, "streams samples and results without a header, which the demo requires"));
 }
 
 // Checks that the settings required by the command precede it, as in the firmware.
@@ -223,15 +255,25 @@ void Cfg::check_order(const CfgCommand& c, const DemoCommand& command) {
   if (has("sensorStart") && !command.needed.empty())
     profile_.warnings.push_back(complaint(c, "has no effect after sensorStart"));
   settings_.insert(name);
+  std::string setting = name;
   if (command.key && command.key < c.words.size())
-    settings_.insert(name + "/" + std::string(c.words[command.key]));
+    settings_.insert(setting.append("/").append(c.words[command.key]));
+  for (unsigned k = 0; command.per_subframe && k < max_subframes; ++k)
+    if (applies_to(c, k)) settings_.insert(setting + "#" + std::to_string(k));
 }
 
 void Cfg::check_start(const CfgCommand& start) {
   std::string names;
+  const unsigned subframes = advanced() && has("advFrameCfg") ? integer(last("advFrameCfg"), 1) : 1;
   for (const std::string& setting : needed_to_start(advanced() ? 3 : 1))
-    if (!settings_.contains(setting) && missing_.insert(setting).second)
-      names += (names.empty() ? "" : ", ") + shown(setting);
+    for (unsigned k = 0; k < subframes; ++k) {
+      std::string needed = setting, lacks = shown(setting);
+      if (demo_command(setting.substr(0, setting.find('/')))->per_subframe)
+        needed.append("#").append(std::to_string(k));
+      if (settings_.contains(needed) || !missing_.insert(setting).second) continue;
+      if (settings_.contains(setting)) lacks.append(" for subframe ").append(std::to_string(k));
+      names.append(names.empty() ? "" : ", ").append(lacks);
+    }
   if (!names.empty()) refuse(complaint(start, "requires " + names + " before it"));
 }
 

@@ -51,6 +51,8 @@ class Cfg {
   // Returns the last command with this name, because the firmware uses the last one.
   const CfgCommand& last(const std::string& command) const { return all(command).back(); }
   bool has(const std::string& command) const { return commands_.count(command) != 0; }
+  // Returns the last command with this name that applies to the subframe, or nullptr.
+  const CfgCommand* of_subframe(const std::string& command, unsigned subframe) const;
   // Returns true if the cfg uses subframes (advFrameCfg), according to dfeDataOutputMode.
   bool advanced() const {
     return has("dfeDataOutputMode") && number(last("dfeDataOutputMode"), 1) == 3;
@@ -71,6 +73,7 @@ class Cfg {
  private:
   void add(const CfgLine& line);
   void check_words(const CfgCommand& c);
+  void check_combination(const CfgCommand& c);
   void check_order(const CfgCommand& c, const DemoCommand& command);
   void check_start(const CfgCommand& start);
   // Returns the fault of the i-th argument, or an empty string.
@@ -80,8 +83,8 @@ class Cfg {
   RadarProfile& profile_;
   mutable bool faulty_ = false;
   std::map<std::string, std::vector<CfgCommand>> commands_;
-  // Settings in the firmware after the lines read so far: the names of the commands, and each
-  // name with its key ("profileCfg/2").
+  // Settings in the firmware after the lines read so far: the names of the commands, each name with
+  // its key ("profileCfg/2"), and each subframe to which a command applies ("cfarCfg/0#1").
   std::set<std::string> settings_;
   std::set<std::string> missing_;  // settings that were reported as missing
 };

@@ -12,6 +12,7 @@ namespace {
 // Row of the table of commands. Ranges are written as
 //   min:max  whole numbers      min^max  powers of two      =:max  whole, at least the previous one
 //   min~max  all numbers        n*range  n times            =~max  at least the previous number
+//   min#max  whole numbers, also hexadecimal                -1:3   as first: number of a subframe
 // `after` lists commands that must come before; `/N` requires N as the value of the command's key
 // and `/#` the command's third argument. `needed`: + once, 2 once for each value of the key, 0 and
 // 1. `flushed`: * if flushCfg deletes the setting.
@@ -60,7 +61,7 @@ constexpr Row rows[] = {
     {"lvdsStreamCfg", "-1:3 0:1 0:4 0:1", "", "+"},
     {"bpmCfg", "-1:3 0:1 0:511 0:511"},
     {"bpmCfgAdvanced", "0:511 =:511 0:63", "dfeDataOutputMode"},
-    {"calibData", "0:1 0:1 0:4294967295"},
+    {"calibData", "0:1 0:1 0#4294967295"},
 };
 
 double number(std::string_view text) {
@@ -74,11 +75,12 @@ std::vector<NumberRange> ranges(const char* text) {
   std::istringstream in(text);
   for (std::string word; in >> word;) {
     const std::size_t times = word.find('*'), from = times == word.npos ? 0 : times + 1;
-    const std::size_t sign = word.find_first_of(":~^");
+    const std::size_t sign = word.find_first_of(":~^#");
     const bool previous = word[from] == '=';
-    out.insert(out.end(), times == word.npos ? 1 : static_cast<std::size_t>(number(word)),
-               {previous ? 0 : number(word.substr(from, sign - from)),
-                number(word.substr(sign + 1)), word[sign] != '~', word[sign] == '^', previous});
+    out.insert(
+        out.end(), times == word.npos ? 1 : static_cast<std::size_t>(number(word)),
+        {previous ? 0 : number(word.substr(from, sign - from)), number(word.substr(sign + 1)),
+         word[sign] != '~', word[sign] == '^', previous, word[sign] == '#'});
   }
   return out;
 }
@@ -90,6 +92,7 @@ std::map<std::string_view, DemoCommand> read_rows() {
     c.numbers = ranges(row.numbers);
     c.key = row.key;
     c.flushed = *row.flushed;
+    c.per_subframe = !c.numbers.empty() && c.numbers[0].min == -1;
     std::istringstream after(row.after);
     for (std::string word; after >> word;) c.after.push_back(word);
     if (*row.needed == '+') c.needed = {row.name};

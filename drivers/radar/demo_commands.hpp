@@ -13,6 +13,7 @@ struct NumberRange {
   bool whole = true;
   bool power_of_two = false;
   bool from_previous = false;  // true: the minimum is the previous argument
+  bool hex = false;            // true: the number may be written as 0x...
 };
 
 struct DemoCommand {
@@ -24,6 +25,8 @@ struct DemoCommand {
   // Settings that sensorStart requires: the command's name, followed by the key if there are two.
   std::vector<std::string> needed;
   bool flushed = false;  // true: flushCfg deletes the setting
+  // true: the first argument selects a subframe, or all of them with -1
+  bool per_subframe = false;
 };
 
 // Returns the command, or nullptr if the demo does not have it.

@@ -12,6 +12,7 @@
 #include "drivers/radar/demo_commands.hpp"
 #include "drivers/radar/ramp.hpp"
 #include "drivers/util/exit_code.hpp"
+#include "drivers/util/printable.hpp"
 
 namespace echofuse::radar {
 namespace {
@@ -61,27 +62,33 @@ std::vector<FrameCfg> read_frames(const Cfg& cfg) {
   return frames;
 }
 
-// Returns the antennas that the frame uses. Source: SDK, mmwdemo_rfparser.c.
-EnabledAntennas read_antennas(const Cfg& cfg, const FrameCfg& of) {
-  const CfgCommand& channels = cfg.last("channelCfg");
-  const CfgCommand& frame = of.line;
-  const auto enabled = cfg.integer(channels, 2);
-  const auto first = of.first_chirp(cfg), last = of.last_chirp(cfg);
-  constexpr std::uint32_t max_chirps = 32;  // size of an array in the demo (mmwdemo_rfparser.c)
-  if (last >= first + max_chirps) cfg.fail(frame, "uses more than 32 chirps (limit of the demo)");
-  // transmitter masks, by the number of the first chirp
-  std::multimap<std::uint32_t, std::uint32_t> used;
+// Returns the commands that define the frame's chirps, in order; nullptr for a chirp without a
+// command. As in the firmware, a command counts only if all its chirps belong to the frame, and the
+// last one for a chirp applies. Source: SDK, mmwdemo_rfparser.c.
+std::vector<const CfgCommand*> chirps_of(const Cfg& cfg, const FrameCfg& frame) {
+  const auto first = frame.first_chirp(cfg), last = frame.last_chirp(cfg);
+  constexpr std::uint32_t max_chirps = 32;  // size of an array in the demo
+  if (last >= first + max_chirps) cfg.fail(frame.line, "uses more than 32 chirps (limit of the demo)");
+  std::vector<const CfgCommand*> out(last - first + 1);
   for (const CfgCommand& chirp : cfg.all("chirpCfg")) {
     const auto begin = cfg.integer(chirp, 1), end = cfg.integer(chirp, 2);
-    if (begin <= last && end >= first)
-      used.emplace(std::max(begin, first), cfg.integer(chirp, 8) & enabled);
+    if (begin >= first && end <= last)
+      std::fill(out.begin() + (begin - first), out.begin() + (end - first + 1), &chirp);
   }
+  return out;
+}
+
+// Returns the antennas that the frame uses.
+EnabledAntennas read_antennas(const Cfg& cfg, const FrameCfg& frame) {
+  const CfgCommand& channels = cfg.last("channelCfg");
   EnabledAntennas out{cfg.integer(channels, 1), {}};
-  for (const auto& [chirp, mask] : used)
+  for (const CfgCommand* chirp : chirps_of(cfg, frame)) {
+    const auto mask = chirp ? cfg.integer(*chirp, 8) & cfg.integer(channels, 2) : 0;
     for (std::uint32_t t = 0; t < 3; ++t)
       if (mask >> t & 1 && std::ranges::count(out.transmitters, t) == 0)
         out.transmitters.push_back(t);
-  if (out.transmitters.empty()) cfg.fail(frame, "uses no chirp with an enabled transmitter");
+  }
+  if (out.transmitters.empty()) cfg.fail(frame.line, "uses no chirp with an enabled transmitter");
   return out;
 }
 
@@ -92,18 +99,20 @@ struct RampSampling {
   bool operator==(const RampSampling&) const = default;
 };
 
-// Returns the profile that determines the range axis in the firmware. If there are subframes, this
-// is the profile of the subframe's first chirp; otherwise, it is the last profile.
+// Returns the command that defines the chirp's profile, or nullptr. If there are several, returns
+// the last one, like the firmware.
+const CfgCommand* profile_cfg_of(const Cfg& cfg, const CfgCommand& chirp) {
+  const CfgCommand* found = nullptr;
+  for (const CfgCommand& c : cfg.all("profileCfg"))
+    if (cfg.number(c, 1) == cfg.number(chirp, 3)) found = &c;
+  return found;
+}
+
+// Returns the profile of the frame's chirps, which determines the range axis.
 const CfgCommand& profile_of(const Cfg& cfg, const FrameCfg& frame) {
-  const CfgCommand* found = &cfg.last("profileCfg");
-  if (!cfg.advanced()) return *found;
-  const std::uint32_t first = frame.first_chirp(cfg);
-  for (const CfgCommand& chirp : cfg.all("chirpCfg")) {
-    if (cfg.integer(chirp, 1) > first || cfg.integer(chirp, 2) < first) continue;
-    for (const CfgCommand& c : cfg.all("profileCfg"))
-      if (cfg.number(c, 1) == cfg.number(chirp, 3)) found = &c;
-  }
-  return *found;
+  for (const CfgCommand* chirp : chirps_of(cfg, frame))
+    if (const CfgCommand* found = chirp ? profile_cfg_of(cfg, *chirp) : nullptr) return *found;
+  return cfg.last("profileCfg");
 }
 
 RampSampling sampling_of(const Cfg& cfg, const CfgCommand& chirp) {
@@ -114,22 +123,6 @@ RampSampling sampling_of(const Cfg& cfg, const CfgCommand& chirp) {
   });
   cfg.attempt([&] { out.rate_ksps = cfg.checked(chirp, 11); });
   return out;
-}
-
-// Returns the command that defines chirp `number`, or nullptr.
-const CfgCommand* chirp_cfg_of(const Cfg& cfg, std::uint32_t number) {
-  for (const CfgCommand& c : cfg.all("chirpCfg"))
-    if (cfg.integer(c, 1) <= number && number <= cfg.integer(c, 2)) return &c;
-  return nullptr;
-}
-
-// Returns the command that defines the chirp's profile, or nullptr. If there are several, returns
-// the last one, like the firmware.
-const CfgCommand* profile_cfg_of(const Cfg& cfg, const CfgCommand& chirp) {
-  const CfgCommand* found = nullptr;
-  for (const CfgCommand& c : cfg.all("profileCfg"))
-    if (cfg.number(c, 1) == cfg.number(chirp, 3)) found = &c;
-  return found;
 }
 
 Ramp ramp_of(const Cfg& cfg, const CfgCommand& profile) {
@@ -151,8 +144,7 @@ Ramp ramp_of(const Cfg& cfg, const CfgCommand& profile, const CfgCommand& chirp)
 // Returns the total duration of the idle times and ramps of a frame's chirps, s.
 double active_s(const Cfg& cfg, const FrameCfg& frame) {
   double sum_us = 0;
-  for (std::uint32_t k = frame.first_chirp(cfg); k <= frame.last_chirp(cfg); ++k) {
-    const CfgCommand* chirp = chirp_cfg_of(cfg, k);
+  for (const CfgCommand* chirp : chirps_of(cfg, frame)) {
     const CfgCommand* own = chirp ? profile_cfg_of(cfg, *chirp) : nullptr;
     const Ramp ramp = own ? ramp_of(cfg, *own, *chirp) : ramp_of(cfg, profile_of(cfg, frame));
     sum_us += ramp.idle_us + ramp.end_us;
@@ -170,7 +162,8 @@ std::uint32_t bins_of(std::uint32_t samples, std::uint32_t antennas) {
 void check_ramps(const Cfg& cfg) {
   // Maximum sample rate, ksps, for a bandwidth of 10 MHz: twice as high for complex 2x (format 2).
   constexpr double fastest = 12500;
-  const double limit = fastest * (cfg.has("adcCfg") ? cfg.number(cfg.last("adcCfg"), 2) : 2);
+  const bool once = cfg.has("adcCfg") && cfg.number(cfg.last("adcCfg"), 2) == 1;
+  const double limit = once ? fastest : 2 * fastest;
   for (const CfgCommand& profile : cfg.all("profileCfg")) {
     for (const auto& words : refusals_of(ramp_of(cfg, profile)))
       cfg.refuse(cfg.complaint(profile, words));
@@ -186,11 +179,34 @@ void check_ramps(const Cfg& cfg) {
   }
 }
 
-void check_frame(const Cfg& cfg, const FrameCfg& frame) {
-  for (std::uint32_t k = frame.first_chirp(cfg); k <= frame.last_chirp(cfg); ++k)
-    if (!chirp_cfg_of(cfg, k))
+// Checks the frame's chirps. The firmware uses one profile for all of them, and separates the
+// transmitters of a chirp only with BPM.
+void check_chirps(const Cfg& cfg, const FrameCfg& frame) {
+  const std::vector<const CfgCommand*> chirps = chirps_of(cfg, frame);
+  const auto enabled = cfg.integer(cfg.last("channelCfg"), 2);
+  const bool bpm = cfg.has("bpmCfg") && cfg.number(cfg.last("bpmCfg"), 2) != 0;
+  const CfgCommand& used = profile_of(cfg, frame);
+  for (std::size_t k = 0; k < chirps.size(); ++k) {
+    if (!chirps[k]) {
+      const std::string number = std::to_string(frame.first_chirp(cfg) + k);
       return cfg.refuse(cfg.complaint(
-          frame.line, "uses chirp " + std::to_string(k) + ", which no chirpCfg defines"));
+          frame.line, "uses chirp " + number + ", which no chirpCfg of this frame defines"));
+    }
+    const CfgCommand& chirp = *chirps[k];
+    const auto mask = cfg.integer(chirp, 8);
+    if ((mask & enabled) == 0)
+      cfg.refuse(cfg.complaint(chirp, "enables no transmitter of channelCfg"));
+    if (!bpm && std::popcount(mask) > 1)
+      cfg.fail(chirp, "enables several transmitters; expected one, or BPM (bpmCfg)");
+    const CfgCommand* own = profile_cfg_of(cfg, chirp);
+    if (own && cfg.number(*own, 1) != cfg.number(used, 1))
+      cfg.fail(chirp, "uses profileCfg " + std::string(chirp.words[3]) +
+                          ", but the first chirp of the frame uses " + std::string(used.words[1]) +
+                          "; the demo supports one profile per frame");
+  }
+}
+
+void check_frame(const Cfg& cfg, const FrameCfg& frame) {
   const double active_ms = 1e3 * active_s(cfg, frame), period_ms = 1e3 * frame.period_s(cfg);
   if (active_ms >= period_ms)
     cfg.refuse(cfg.complaint(
@@ -208,22 +224,6 @@ void check_frame(const Cfg& cfg, const FrameCfg& frame) {
                                              "the chip has 768 KiB"));
 }
 
-// Requires all chirps of a frame to have the same range axis, because the firmware uses one profile
-// for all of them.
-void require_one_axis(const Cfg& cfg, const FrameCfg& frame) {
-  const CfgCommand& used = profile_of(cfg, frame);
-  for (const CfgCommand& chirp : cfg.all("chirpCfg")) {
-    if (cfg.integer(chirp, 1) > frame.last_chirp(cfg) ||
-        cfg.integer(chirp, 2) < frame.first_chirp(cfg))
-      continue;
-    for (const CfgCommand& c : cfg.all("profileCfg"))
-      if (cfg.number(c, 1) == cfg.number(chirp, 3) && sampling_of(cfg, c) != sampling_of(cfg, used))
-        cfg.fail(chirp, "uses profileCfg " + std::string(c.words[1]) +
-                            ", but other chirps of the frame use " + std::string(used.words[1]) +
-                            ": their range axes differ");
-  }
-}
-
 // Requires all subframes to have the same range axis and antennas, because a record is the mean of
 // all subframes.
 void require_equal_subframes(const Cfg& cfg, const std::vector<FrameCfg>& frames) {
@@ -238,8 +238,13 @@ void require_equal_subframes(const Cfg& cfg, const std::vector<FrameCfg>& frames
                "has a different range axis or different antennas than subframe 0; a record is "
                "the mean of all subframes");
   const CfgCommand& gui = cfg.last("guiMonitor");
-  if (cfg.advanced() && cfg.number(gui, 1) != -1)
-    cfg.fail(gui, "selects one subframe; expected -1 for all subframes");
+  for (unsigned k = 0; k < frames.size(); ++k)
+    if (const CfgCommand* own = cfg.of_subframe("guiMonitor", k);
+        own && !std::equal(own->words.begin() + 2, own->words.end(), gui.words.begin() + 2,
+                           gui.words.end()))
+      cfg.fail(*own,
+               "requests other data than the last guiMonitor; a record is the mean of all "
+               "subframes");
 }
 
 void read_gui_monitor(const Cfg& cfg, RadarProfile& profile) {
@@ -334,11 +339,11 @@ void read_warnings(const Cfg& cfg, RadarProfile& profile, std::uint32_t data_bau
   if (cfg.number(frame, trigger) != 1)
     profile.warnings.push_back(where + " trigger " + std::string(frame.words[trigger]) +
                                " waits for an external pulse before each frame (1 does not wait)");
-  if (cfg.has("clutterRemoval")) {
-    const CfgCommand& c = cfg.last("clutterRemoval");
-    if (cfg.number(c, 2) != 0)
-      profile.warnings.push_back(cfg.where(c.line) + "clutterRemoval 1 removes all static echoes");
-  }
+  for (unsigned k = 0; k < profile.subframes; ++k)
+    if (const CfgCommand* c = cfg.of_subframe("clutterRemoval", k); c && cfg.number(*c, 2) != 0) {
+      profile.warnings.push_back(cfg.where(c->line) + "clutterRemoval 1 removes all static echoes");
+      break;
+    }
   if (profile.bins == 1022)
     profile.warnings.push_back(cfg.where(cfg.last("profileCfg").line) +
                                "profileCfg gives 1024 bins for 12 antennas, but the firmware has "
@@ -352,6 +357,9 @@ RadarProfile parse_profile(std::string_view cfg_text, const std::string& name,
                            std::uint32_t data_baud, Board board) {
   require_plain_text(cfg_text, name);
   const auto lines = command_lines(cfg_text);
+  if (lines.empty())
+    throw Error(ExitCode::config,
+                printable(name) + ": contains no command; expected a TI mmWave .cfg file");
   RadarProfile profile;
   Cfg cfg(lines, name, profile);
   std::vector<const char*> needed = {"profileCfg", "frameCfg",   "channelCfg",
@@ -377,7 +385,7 @@ RadarProfile parse_profile(std::string_view cfg_text, const std::string& name,
   cfg.attempt([&] { require_equal_subframes(cfg, frames); });
   cfg.attempt([&] { check_ramps(cfg); });
   for (const FrameCfg& f : frames) {
-    cfg.attempt([&] { require_one_axis(cfg, f); });
+    cfg.attempt([&] { check_chirps(cfg, f); });
     cfg.attempt([&] { check_frame(cfg, f); });
   }
   cfg.stop_if_faulty();

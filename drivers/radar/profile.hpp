@@ -57,7 +57,7 @@ struct RadarProfile {
 //     antennas or the frame and is missing or outside its range (demo_commands.hpp)
 //   - a line that exceeds the firmware's buffer (255 characters, 40 words)
 //   - chirps or subframes of a frame that differ in range axis or antennas
-//   - UTF-16, or line endings other than LF and CR LF
+//   - no command, or line endings other than LF and CR LF
 // `data_baud`: rate at which the data port will be read, used for warnings. `board` selects the
 // antennas of the heat map, because the cfg does not depend on the board.
 RadarProfile parse_profile(std::string_view cfg_text, const std::string& name,

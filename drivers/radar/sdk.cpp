@@ -30,7 +30,7 @@ constexpr std::pair<std::string_view, std::string_view> other_demos[] = {
      " dynamicRACfarCfg staticRACfarCfg dynamicRangeAngleCfg dynamic2DAngleCfg staticRangeAngleCfg "
      "fineMotionCfg antGeometry0 antGeometry1 antPhaseRot fovCfg trackingCfg allocationParam "
      "AllocationParam gatingParam GatingParam stateParam StateParam maxAcceleration SceneryParam "
-     "sceneryParam boundaryBox staticBoundaryBox presenceBoundaryBox sensorPosition doaCfg zoneDef "
+     "sceneryParam boundaryBox staticBoundaryBox presenceBoundaryBox sensorPosition doaCfg "
      "vitalSignsCfg "}};
 
 bool has_command(const std::vector<CfgLine>& cfg, std::string_view command) {

@@ -13,7 +13,7 @@ namespace {
 
 // limits of the demo's command line (SDK 3.4, utils/cli/src/cli.c)
 constexpr std::size_t longest_read = 255, max_words = 40;
-constexpr unsigned last_chirp = 511;
+constexpr unsigned last_chirp = 511, max_subframes = 4, advanced = 3;
 constexpr char banner_line[] = "******************************************\n";
 constexpr char prompt_text[] = "mmwDemo:/>";
 
@@ -74,8 +74,10 @@ constexpr char partial_configuration[] =
 double number(const std::vector<std::string>& words, std::size_t i) {
   return i < words.size() ? std::atof(words[i].c_str()) : 0;
 }
+// Like atoi in the firmware, reads "2e3" as 2.
 unsigned whole(const std::vector<std::string>& words, std::size_t i) {
-  return static_cast<unsigned>(std::clamp(number(words, i), 0.0, 1e9));
+  const long value = i < words.size() ? std::strtol(words[i].c_str(), nullptr, 10) : 0;
+  return static_cast<unsigned>(std::clamp(value, 0L, 1'000'000'000L));
 }
 
 // Appends the transmitters in the mask that are not yet in the list.
@@ -112,7 +114,7 @@ void set_ramp(const std::vector<std::string>& profile, const std::vector<std::st
   chirp.ramp_end_us = number(profile, 5);
   chirp.slope_mhz_us = number(profile, 8) + 1e-3 * number(added, 5);
   chirp.samples = whole(profile, 10);
-  chirp.sample_rate_ksps = number(profile, 11);
+  chirp.sample_rate_ksps = whole(profile, 11);
 }
 
 // Splits a line at spaces. As in the firmware, a tab does not separate words.
@@ -213,7 +215,10 @@ std::optional<int> RadarFirmware::execute(const CommandWords& words) {
   }
   const std::string key = command.by_direction ? name + " " + words[2] : name;
   const int status = configure(words, key);
-  if (status == 0 && command.needed) pending_.insert(key);
+  // A first argument of -1 to 3 selects the subframes.
+  const bool all = limits_of(name).empty() || limits_of(name)[0] != -1 || number(words, 1) == -1;
+  for (unsigned k = 0; status == 0 && command.needed && k < max_subframes; ++k)
+    if (all || whole(words, 1) == k) pending_.insert(key + "@" + std::to_string(k));
   return status;
 }
 
@@ -239,14 +244,19 @@ int RadarFirmware::configure(const CommandWords& words, const std::string& key) 
         "two\n");
     return -1;
   }
+  if ((name == "calibData" && whole(words, 1) == 1 && whole(words, 2) == 1) ||
+      (name == "lvdsStreamCfg" && whole(words, 2) == 0 && whole(words, 3) * whole(words, 4) > 0)) {
+    say("Error: arguments that exclude each other\n");
+    return -1;
+  }
   if (name == "flushCfg") {
-    chirps_.clear(), profiles_.clear(), subframe_cfgs_.clear(), last_profile_.clear();
+    chirps_.clear(), profiles_.clear(), subframe_cfgs_.clear();
     for (const char* part : {"frameCfg", "advFrameCfg", "dfeDataOutputMode"}) config_.erase(part);
     for (const char* part : latched_commands) config_.erase(part);
   }
   if (name == "chirpCfg" && !profiles_.contains(whole(words, 3))) return -1;
   if (name == "chirpCfg") chirps_.push_back(words);
-  if (name == "profileCfg") profiles_[whole(words, 1)] = last_profile_ = words;
+  if (name == "profileCfg") profiles_[whole(words, 1)] = words;
   if (name == "subFrameCfg") subframe_cfgs_[whole(words, 1)] = words;
   config_[key] = words;
   return name == "guiMonitor" ? gui_monitor(words) : 0;
@@ -292,11 +302,22 @@ int RadarFirmware::print_status() {
   return 0;
 }
 
-bool RadarFirmware::all_pending() const {
+unsigned RadarFirmware::subframe_count() {
+  const bool several = whole(config_["dfeDataOutputMode"], 1) == advanced;
+  return several ? std::min(whole(config_["advFrameCfg"], 1), max_subframes) : 1;
+}
+
+bool RadarFirmware::all_pending() {
+  const unsigned count = subframe_count();
+  const auto pending = [&](const std::string& key) {
+    for (unsigned k = 0; k < count; ++k)
+      if (pending_.count(key + "@" + std::to_string(k)) == 0) return false;
+    return true;
+  };
   return std::all_of(configuring.begin(), configuring.end(), [&](const auto& entry) {
     if (!entry.second.needed || !has_command(entry.first)) return true;
-    if (!entry.second.by_direction) return pending_.count(entry.first) > 0;
-    return pending_.count(entry.first + " 0") > 0 && pending_.count(entry.first + " 1") > 0;
+    if (!entry.second.by_direction) return pending(entry.first);
+    return pending(entry.first + " 0") && pending(entry.first + " 1");
   });
 }
 
@@ -390,20 +411,18 @@ std::vector<Chirp> RadarFirmware::subframes_configured() {
   for (const auto& [name, words] : config_)
     if (!words.empty() && configuring.at(words[0]).checked_at_start) checked.push_back(words);
   if (!std::all_of(checked.begin(), checked.end(), arguments_possible)) return {};
-  constexpr unsigned advanced = 3, max_subframes = 4;
   if (whole(config_["dfeDataOutputMode"], 1) != advanced) {
     const CommandWords& f = config_["frameCfg"];
-    const auto one = chirp({whole(f, 1), whole(f, 2), whole(f, 3), whole(f, 4), number(f, 5)}, {});
+    const auto one = chirp({whole(f, 1), whole(f, 2), whole(f, 3), whole(f, 4), number(f, 5)});
     return one ? std::vector{*one} : std::vector<Chirp>{};
   }
   std::vector<Chirp> out;
   const CommandWords& frame = config_["advFrameCfg"];
-  for (unsigned k = 0; k < std::min(whole(frame, 1), max_subframes); ++k) {
+  for (unsigned k = 0; k < subframe_count(); ++k) {
     const CommandWords& s = subframe_cfgs_[k];
     const unsigned first = whole(s, 3);
-    const auto one = chirp(
-        {first, first + std::max(1u, whole(s, 4)) - 1, whole(s, 5), whole(frame, 3), number(s, 10)},
-        first);
+    const auto one = chirp({first, first + std::max(1u, whole(s, 4)) - 1, whole(s, 5),
+                            whole(frame, 3), number(s, 10)});
     if (!one) return {};
     Chirp like_first = *one;
     if (!out.empty()) like_first.start_ghz = out.front().start_ghz;
@@ -432,32 +451,36 @@ bool RadarFirmware::ramps_possible() {
          });
 }
 
-// Returns the parameters of a frame with the profile of chirp number `of_chirp` or, if `of_chirp`
-// is empty, with the last configured profile. Returns an empty value if the front end would reject
-// the frame.
-std::optional<Chirp> RadarFirmware::chirp(const FramePart& frame,
-                                          std::optional<unsigned> of_chirp) {
+// Returns the parameters of a frame. Returns an empty value if the front end or the parser of the
+// demo would reject the frame. The parser ignores commands with chirps outside the frame. It
+// requires one profile and, without BPM, one enabled transmitter for each chirp.
+std::optional<Chirp> RadarFirmware::chirp(const FramePart& frame) {
   const CommandWords channel = config_["channelCfg"];
-  CommandWords profile = last_profile_;
+  const bool bpm = whole(config_["bpmCfg"], 2) != 0;
+  std::set<unsigned> used_profiles;
   Chirp chirp;
   unsigned chirps = 0;
-  for (unsigned i = frame.first; i <= std::min(frame.last, last_chirp); ++i)
-    for (const CommandWords& c : chirps_)
-      if (whole(c, 1) <= i && i <= whole(c, 2)) {
-        if (of_chirp == i) profile = profiles_[whole(c, 3)];
-        add_transmitters(whole(c, 8) & whole(channel, 2), chirp.transmitters);
-        ++chirps;
-        break;
-      }
-  const bool all_defined = chirps == frame.last - frame.first + 1;
-  set_ramp(profile, {}, chirp);
+  for (unsigned i = frame.first; i <= std::min(frame.last, last_chirp); ++i) {
+    const auto c = std::find_if(chirps_.rbegin(), chirps_.rend(), [&](const CommandWords& words) {
+      return whole(words, 1) <= i && i <= whole(words, 2) && whole(words, 1) >= frame.first &&
+             whole(words, 2) <= frame.last;
+    });
+    if (c == chirps_.rend()) return {};
+    const unsigned enabled = whole(*c, 8) & whole(channel, 2);
+    if (enabled == 0 || (!bpm && !std::has_single_bit(whole(*c, 8)))) return {};
+    used_profiles.insert(whole(*c, 3));
+    add_transmitters(enabled, chirp.transmitters);
+    ++chirps;
+  }
+  if (used_profiles.size() != 1) return {};
+  set_ramp(profiles_[*used_profiles.begin()], {}, chirp);
   chirp.receivers = whole(channel, 1) & 0xf;
   chirp.antennas = static_cast<unsigned>(static_cast<std::size_t>(std::popcount(chirp.receivers)) *
                                          chirp.transmitters.size());
   chirp.chirps_per_frame = chirps * frame.loops;
   chirp.frames = frame.frames;
   chirp.frame_period_ms = frame.period_ms;
-  if (!all_defined || !ramps_possible() || !chirp.possible()) return {};
+  if (!ramps_possible() || !chirp.possible()) return {};
   // The parser of the demo has space for 32 chirps. The data path reserves memory for the radar
   // cube and the detection matrix.
   constexpr unsigned max_chirps = 32, memory = 0xC0000;

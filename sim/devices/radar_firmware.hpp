@@ -71,7 +71,7 @@ class RadarFirmware {
   int print_status();
   std::string version() const;
   bool has_command(const std::string& command) const;
-  bool all_pending() const;
+  bool all_pending();
   bool refuse_start(bool reconfigure);
   bool changed_latched();
   struct FramePart {
@@ -82,7 +82,8 @@ class RadarFirmware {
   };
   std::vector<Chirp> subframes_configured();
   bool ramps_possible();
-  std::optional<Chirp> chirp(const FramePart& frame, std::optional<unsigned> of_chirp);
+  std::optional<Chirp> chirp(const FramePart& frame);
+  unsigned subframe_count();
 
   Write cli_, data_;
   unsigned sdk_;
@@ -98,8 +99,8 @@ class RadarFirmware {
   std::vector<CommandWords> chirps_;
   // Words of profileCfg by profile number, and of subFrameCfg by subframe number.
   std::map<unsigned, CommandWords> profiles_, subframe_cfgs_;
-  CommandWords last_profile_;
-  std::set<std::string> pending_;  // required commands received since the last start
+  // required commands received since the last start, each with a subframe: "guiMonitor@0"
+  std::set<std::string> pending_;
   std::optional<Chirp> running_;
   std::vector<Chirp> subframes_;
   RadarOutputs outputs_;

@@ -35,7 +35,11 @@ TEST_CASE("the cfg parser reports values that the radar would refuse and compute
        "768 KiB"},
       {"0 100 1", "0 2.5 1",
        "x.cfg:9: frameCfg has 96 chirps, which take 2.976 ms, but its period is 2.5 ms"},
-      {"frameCfg 0 2", "frameCfg 0 3", "x.cfg:9: frameCfg uses chirp 3, which no chirpCfg defines"},
+      {"frameCfg 0 2", "frameCfg 0 3",
+       "x.cfg:9: frameCfg uses chirp 3, which no chirpCfg of this frame defines"},
+      {"chirpCfg 2 2", "chirpCfg 2 3",
+       "x.cfg:9: frameCfg uses chirp 2, which no chirpCfg of this frame defines"},
+      {"15 7 0", "15 5 0", "x.cfg:8: chirpCfg enables no transmitter of channelCfg"},
       {"chirpCfg 1 1 0", "chirpCfg 1 1 4",
        "x.cfg:7: chirpCfg requires profileCfg 4 before it\n"
        "x.cfg:7: chirpCfg '4' should be a whole number from 0 to 3"},
@@ -58,12 +62,22 @@ TEST_CASE("the cfg parser reports values that the radar would refuse and compute
        "15\xc2\xa0"
        "7 0",
        "x.cfg:4: column 14 has a no-break space; the firmware splits words at spaces only"},
+      {"sensorStop", "\x0csensorStop",
+       "x.cfg:2: column 1 has a control character; the firmware splits words at spaces only"},
       {"15 7 0", "15 7 0\xe2\x80\x8b",
        "x.cfg:4: column 18 has a non-ASCII character; the firmware splits words at spaces only"},
       {"0 100 1 0", "0 100 1 0 % 10 Hz",
        "x.cfg:9: frameCfg '%' follows the numbers; put comments on their own line"},
       {"0 100 1 0", "0 100 1 0 8",
        "x.cfg:9: frameCfg has 8 numbers; SDK 3.4 to 3.6 expect 7 (SDK 1 and 2 differ)"},
+      {"sensorStart", "calibData 1 0 0x1F0000\nsensorStart", ""},
+      {"sensorStart", "calibData 1 1 0\nsensorStart",
+       "x.cfg:26: calibData saves and restores at once; the demo does only one of both"},
+      {"lvdsStreamCfg -1 0 0 0", "lvdsStreamCfg -1 0 1 1",
+       "x.cfg:25: lvdsStreamCfg streams samples and results without a header, which the demo "
+       "requires"},
+      {"cfarCfg -1 1", "cfarCfg 1 1",
+       "x.cfg:26: sensorStart requires cfarCfg -1 1 for subframe 0 before it"},
       {"% a", "# a", "x.cfg:1: # is not a command; comments begin with %"},
       {"sensorStart", "peakGrouping 1 1 1 1 229\nsensorStart",
        "x.cfg:26: peakGrouping is a command of SDK 1 or 2"},
@@ -132,16 +146,15 @@ TEST_CASE("only the first errors of a radar cfg with thousands of faulty lines a
             " bytes; expected a cfg of at most 65536");
 }
 
-TEST_CASE("a radar frame with two chirp profiles is refused unless their sampling is equal") {
-  const std::string second = "chirpCfg 1 1 1 0 0 0 0 4\r\n";
-  std::string text = with("chirpCfg 1 1 0 0 0 0 0 4\r\n", second);
-  const auto add = [&](const std::string& profile) {
-    return text.substr(0, text.find("chirpCfg")) + profile + "\r\n" +
-           text.substr(text.find("chirpCfg"));
-  };
-  CHECK(parse_profile(add("profileCfg 1 60.01 7 3 24 0 0 166 1 256 12500 0 0 30"), "x.cfg").bins ==
-        256);
-  CHECK(refusal(add("profileCfg 1 60 7 3 24 0 0 83 1 256 12500 0 0 30")) ==
-        "x.cfg:7: chirpCfg uses profileCfg 0, but other chirps of the frame use 1: their range "
-        "axes differ");
+TEST_CASE("the chirps of a radar frame use one profile, and one transmitter each without BPM") {
+  const std::string other = "profileCfg 1 60 7 3 24 0 0 83 1 128 12500 0 0 30\r\nchirpCfg 0";
+  const RadarProfile unused = parse_profile(with("chirpCfg 0", other), "x.cfg");
+  CHECK(unused.bins == 256);
+  CHECK(unused.range_step_m == parse_profile(stock, "").range_step_m);
+  CHECK(refusal(with("chirpCfg 0 0 0", other + " 0 1")) ==
+        "x.cfg:8: chirpCfg uses profileCfg 0, but the first chirp of the frame uses 1; the demo "
+        "supports one profile per frame");
+  CHECK(refusal(with("0 0 0 0 4", "0 0 0 0 5")) ==
+        "x.cfg:7: chirpCfg enables several transmitters; expected one, or BPM (bpmCfg)");
+  CHECK(refusal("% a comment\n") == "x.cfg: contains no command; expected a TI mmWave .cfg file");
 }

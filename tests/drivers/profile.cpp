@@ -73,7 +73,7 @@ TEST_CASE("radar cfg lines are sent unchanged except for CR, blank lines and com
 }
 
 TEST_CASE("errors in a radar cfg are reported with the line number") {
-  CHECK(refusal("") ==
+  CHECK(refusal("flushCfg") ==
         "x.cfg: has no profileCfg\nx.cfg: has no frameCfg\nx.cfg: has no channelCfg\n"
         "x.cfg: has no chirpCfg\nx.cfg: has no guiMonitor\nx.cfg: has no sensorStart");
   CHECK(refusal(with("sensorStart", "")) == "x.cfg: has no sensorStart");
@@ -84,6 +84,8 @@ TEST_CASE("errors in a radar cfg are reported with the line number") {
   CHECK(refusal(with("1 256 12500", "1 256 fast")) == "x.cfg:5: profileCfg 'fast' is not a number");
   CHECK(refusal(with("166 1 256", "0 1 256")) ==
         "x.cfg:5: profileCfg '0' should be a number from 0.0363 to 250");
+  CHECK(refusal(with("1 256 12500", "1 256 1.25e4")) ==
+        "x.cfg:5: profileCfg '1.25e4' should be a whole number from 2000 to 37500");
   CHECK(refusal(with("1 256 12500", "1 25.5 12500")) ==
         "x.cfg:5: profileCfg '25.5' should be a whole number from 2 to 1024");
   CHECK(refusal(with("frameCfg 0 2", "frameCfg 5 6")) ==
@@ -120,8 +122,9 @@ TEST_CASE("radar cfg settings with unwanted effects cause warnings") {
   CHECK_THAT(warnings(with("-1 1 1 0", "-1 1 0 0")).at(0),
              Catch::StartsWith("x.cfg:10: guiMonitor does not send the range profile"));
   CHECK_FALSE(parse_profile(with("-1 1 1 0", "-1 1 0 0"), "").range_profile_on);
-  CHECK_THAT(warnings(with("clutterRemoval -1 0", "clutterRemoval -1 1")).at(0),
-             Catch::StartsWith("x.cfg:17: clutterRemoval"));
+  for (const char* line : {"clutterRemoval -1 1", "clutterRemoval 0 1\nclutterRemoval 1 0"})
+    CHECK_THAT(warnings(with("clutterRemoval -1 0", line)).at(0),
+               Catch::StartsWith("x.cfg:17: clutterRemoval"));
   CHECK(warnings(with("0 100 1 0", "30 100 2 0")) ==
         std::vector<std::string>{"x.cfg:9: frameCfg stops after 30 frames (0 means no limit)",
                                  "x.cfg:9: frameCfg trigger 2 waits for an external pulse before "
@@ -316,8 +319,18 @@ TEST_CASE(
                                             ": subFrameCfg has a different range axis or different "
                                             "antennas than subframe 0; a record "
                                             "is the mean of all subframes");
-  CHECK(refusal(changed("guiMonitor -1", "guiMonitor 2")) ==
-        "x.cfg:34: guiMonitor selects one subframe; expected -1 for all subframes");
+  CHECK(parse_profile(changed("guiMonitor -1", "guiMonitor 2"), "x.cfg").refusals.at(0) ==
+        "x.cfg:52: sensorStart requires guiMonitor for subframe 0 before it");
+  const auto each_gui = [](const char* other) {
+    return changed("guiMonitor -1 0 1 0 0 0 1",
+                   std::string("guiMonitor 0 0 1 0 0 0 1\nguiMonitor 1 0 1 0 0 0 1\n"
+                               "guiMonitor 2 0 1 0 0 0 1\nguiMonitor 3 0 ") +
+                       other);
+  };
+  CHECK(parse_profile(each_gui("1 0 0 0 1"), "x.cfg").refusals.empty());
+  CHECK(refusal(each_gui("0 0 0 0 1")) ==
+        "x.cfg:34: guiMonitor requests other data than the last guiMonitor; a record is the mean "
+        "of all subframes");
   CHECK(refusal(changed("subFrameCfg 2 0", "subFrameCfg 1 0")) ==
         "x.cfg:29: advFrameCfg has no subFrameCfg 2");
   CHECK(refusal(changed("advFrameCfg 4", "% advFrameCfg 4")) ==
