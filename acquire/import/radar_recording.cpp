@@ -70,6 +70,10 @@ void RadarRecording::take(RadarFrame frame, SampleSink& sink) {
   if (times_.copy.at(index)) return;
   const std::size_t bins = frame.power.size();
   if (bins > 0 && bins != profile_.bins) ++others_, other_bins_ = bins;
+  if (const std::string fault = radar::heat_map_fault(profile_, frame); !fault.empty()) {
+    if (bad_arrays_++ == 0) array_fault_ = fault;
+    frame.array.clear();
+  }
   frame.received = at_ = times_.at.at(index);
   frame.lost_before = times_.lost.at(index);
   lost_ += frame.lost_before;
@@ -125,6 +129,10 @@ std::vector<std::string> RadarRecording::doubts() const {
                   (other_bins_ == profile_.bins + 4
                        ? "; the TLV lengths include the TLV headers, as in SDK 1"
                        : "; check that the recording was made with this cfg"));
+  if (bad_arrays_ > 0)
+    out.push_back(std::to_string(bad_arrays_) + " heat maps are unusable: " + array_fault_);
+  else if (!profile_.array.empty() && c.frames > 0 && c.arrays == 0)
+    out.emplace_back("no frame has a heat map: the fifth number of guiMonitor was 0 on the board");
   add(times_.restarts, " restarts of the board", ": the gaps have unknown length and are omitted");
   add(times_.paused, " gaps in which the board's clock may have wrapped",
       ": their lengths are ambiguous; the shortest possible ones are used");

@@ -37,7 +37,9 @@ class RadarRecording final : public Recording {
   HostTime at_{};
   std::uint64_t others_ = 0;              // number of frames with a wrong number of bins
   std::size_t other_bins_ = 0;            // last wrong number of bins
-  std::uint32_t number_ = 0, epoch_ = 0;  // last frame number; number of restarts of the numbering
+  std::uint64_t bad_arrays_ = 0;          // number of heat maps that do not match the cfg
+  std::string array_fault_;               // reason for the first of them
+  std::uint32_t number_ = 0, epoch_ = 0;  // last frame number; number of times that it did not rise
 };
 
 }  // namespace echofuse::acquire

@@ -8,6 +8,7 @@
 #include <sstream>
 #include <tuple>
 
+#include "drivers/core/sample.hpp"
 #include "drivers/radar/cfg.hpp"
 #include "drivers/radar/demo_commands.hpp"
 #include "drivers/radar/ramp.hpp"
@@ -413,6 +414,16 @@ Axis radar_axis(const RadarProfile& profile) {
           .count = profile.bins,
           .start = 0,
           .step = profile.range_step_m};
+}
+
+std::string heat_map_fault(const RadarProfile& profile, const RadarFrame& frame) {
+  const std::size_t expected = 2 * profile.array.size() * profile.bins;
+  if (frame.array.empty() || (frame.array.size() == expected && frame.planar == profile.planar))
+    return {};
+  return "the heat map has " + std::to_string(frame.array.size() / 2) + " samples in TLV " +
+         (frame.planar ? "8" : "4") + ", but the cfg and radar.board require " +
+         std::to_string(expected / 2) + " in TLV " + (profile.planar ? "8" : "4") +
+         "; the heat map is ignored";
 }
 
 Axis array_axis(const RadarProfile& profile) {

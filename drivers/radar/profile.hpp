@@ -9,6 +9,10 @@
 #include "drivers/core/axis.hpp"
 #include "drivers/radar/board_antennas.hpp"
 
+namespace echofuse {
+struct RadarFrame;
+}
+
 namespace echofuse::radar {
 
 // A line of the cfg that is sent to the radar. BOM and CR are removed, and leading spaces are kept.
@@ -67,6 +71,9 @@ RadarProfile parse_profile(std::string_view cfg_text, const std::string& name,
 // "m". Bin i is at range i * range_step_m, because the firmware does not apply its range bias to
 // the profile.
 Axis radar_axis(const RadarProfile& profile);
+// Returns why the heat map of the frame does not match the profile; otherwise an empty string.
+std::string heat_map_fault(const RadarProfile& profile, const RadarFrame& frame);
+
 // Returns the axis with name "array", quantity "covariance" and the bins of radar_axis(). Its scale
 // is the number of antennas in the heat map.
 Axis array_axis(const RadarProfile& profile);

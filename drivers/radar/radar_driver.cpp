@@ -215,17 +215,12 @@ void RadarDriver::on_frame(RadarFrame frame) {
 }
 
 void RadarDriver::check_array(RadarFrame& frame) {
-  const std::size_t expected = 2 * profile_.array.size() * profile_.bins;
-  if (frame.array.empty() || (frame.array.size() == expected && frame.planar == profile_.planar))
-    return;
+  const std::string fault = heat_map_fault(profile_, frame);
+  if (fault.empty()) return;
   ++bad_arrays_;
-  const std::string text = "the heat map has " + std::to_string(frame.array.size() / 2) +
-                           " samples in TLV " + (frame.planar ? "8" : "4") +
-                           ", but the cfg and radar.board require " + std::to_string(expected / 2) +
-                           " in TLV " + (profile_.planar ? "8" : "4") + "; the heat map is ignored";
   frame.array.clear();
-  if (std::exchange(array_reported_, true)) return;
-  sink_->on_event(Sensor::radar, Severity::warning, text);
+  if (!std::exchange(array_reported_, true))
+    sink_->on_event(Sensor::radar, Severity::warning, fault);
 }
 
 // Warns if three successive frame intervals, measured by the board's clock, differ from the frame

@@ -26,20 +26,24 @@ acquire::Config config_of(const Folder& folder) {
 // bins. The frame period of 49.9 ms keeps the frames away from slot boundaries.
 struct RadarFile {
   std::uint32_t header = 40, bins = 64, tlv = 2, length_error = 0, subframe = 0;
+  std::uint32_t map_tlv = 0, map_samples = 0;  // heat map
   double period_s = 0.0499;
   Bytes bytes{};
 
   RadarFile& frame(std::uint32_t number, double at_s) {
-    const std::uint32_t size = (header + 8 + 2 * bins + 31) / 32 * 32;
+    const std::uint32_t map_bytes = map_tlv > 0 ? 8 + 4 * map_samples : 0;
+    const std::uint32_t size = (header + 8 + 2 * bins + map_bytes + 31) / 32 * 32;
     const std::size_t begin = bytes.size();
     const auto cycles = static_cast<std::uint32_t>(std::llround(2e8 * at_s));
     for (const int b : {2, 1, 4, 3, 6, 5, 8, 7}) put(bytes, static_cast<std::uint8_t>(b));
-    for (const std::uint32_t v : {0x03050004u, size, 0xa6843u, number, cycles, 0u, 1u, subframe})
+    for (const std::uint32_t v :
+         {0x03050004u, size, 0xa6843u, number, cycles, 0u, map_tlv > 0 ? 2u : 1u, subframe})
       put(bytes, v);
     bytes.resize(begin + header);
     put(bytes, tlv);
     put(bytes, 2 * bins + length_error);
     for (std::uint32_t i = 0; i < bins; ++i) put(bytes, std::uint16_t{4000});
+    if (map_tlv > 0) put(bytes, map_tlv), put(bytes, 4 * map_samples);
     bytes.resize(begin + size, 15);
     return *this;
   }
@@ -235,6 +239,29 @@ TEST_CASE("subframes may have different periods") {
   CAPTURE(i.said);
   CHECK(i.used == std::vector<std::uint64_t>{40, 40, 36});
   CHECK(std::ranges::count(i.said, '\n') == 1);
+}
+
+TEST_CASE("import uses only heat maps that match the cfg and the board") {
+  const auto frames_of = [](std::uint32_t tlv, std::uint32_t samples, const std::string& saying) {
+    const Folder folder;
+    const Bytes bytes = RadarFile{.map_tlv = tlv, .map_samples = samples}.frames(1, 60).bytes;
+    write_file(folder / "a.dat", {bytes.begin(), bytes.end()});
+    acquire::import_recordings(config_of(folder),
+                               {.files = {folder / "a.dat"},
+                                .cfg = source_dir + "/config/radar/xwr68xx_azimuth_50cm.cfg",
+                                .out = folder / "a.sqlite"});
+    const std::string said = warnings_of(folder / "a.sqlite");
+    CAPTURE(said);
+    CHECK(has(said, "heat map") == !saying.empty());
+    CHECK(has(said, saying));
+    return record::RunReader(folder / "a.sqlite").read(1).array_frames;
+  };
+  CHECK(frames_of(4, 64 * 8, "") == 20);
+  const std::string other = "60 heat maps are unusable: the heat map has ";
+  CHECK(frames_of(4, 64 * 12, other + "768 samples in TLV 4, but the cfg") == 0);
+  CHECK(frames_of(4, 64 * 4, other + "256 samples in TLV 4, but the cfg") == 0);
+  CHECK(frames_of(8, 64 * 8, other + "512 samples in TLV 8, but the cfg") == 0);
+  CHECK(frames_of(0, 0, "no frame has a heat map: the fifth number of guiMonitor was 0") == 0);
 }
 
 TEST_CASE("import does not mistake lost bytes for converted line ends") {
