@@ -23,16 +23,23 @@ constexpr double late_s = 0.02, other_rate = 5e-4;
 // Longest time between two members of a chain: `other_rate` then allows 0.2 s.
 constexpr double longest_link_s = 400;
 
+// Shortest frame period of the demo. A clock that advances by less stands still.
+constexpr double shortest_period_s = 0.3e-3;
+
+bool stands_still(const FrameHeader& from, const FrameHeader& to) {
+  return tick_s * (to.cycles - from.cycles) < shortest_period_s;
+}
+
 std::string fixed(double value) { return format("%.2f", value); }
 
 // A frame that is not a copy.
 struct Entry {
   std::size_t frame;
   FrameHeader header;
-  bool clock_stopped = false;  // true: the clock shows the same time as in the previous frame
-  bool member = false;         // true: the frame belongs to a valid chain
-  // The best chain that ends here: number of frames, twice this number minus the number of frames
-  // that it leaves out, and sum of the clock deviations.
+  bool clock_stopped = false;  // true: the clock stands still since the previous frame
+  bool member = false;  // true: the frame belongs to a valid chain
+  // The best chain that ends here: number of frames; twice this number minus the numbers of frames
+  // that it leaves out and of frames in which the clock stands still; sum of the clock deviations.
   std::uint64_t length = 1;
   std::int64_t score = 2;
   double deviation_s = 0;
@@ -84,7 +91,7 @@ class Fit {
       times_.copy[i] = repeats || !seen.emplace(f.position, f.cycles).second;
       times_.copies += times_.copy[i];
       if (times_.copy[i]) continue;
-      const bool clock_stopped = last && f.cycles == last->cycles;
+      const bool clock_stopped = last && stands_still(*last, f);
       entries_.push_back({.frame = i, .header = f, .clock_stopped = clock_stopped});
     }
   }
@@ -102,7 +109,7 @@ class Fit {
     const std::uint32_t count = steps(from, to);
     if (count == 0 || count >= farthest()) return std::nullopt;
     const double expected_s = count * period_s_;
-    if (from.header.cycles == to.header.cycles)
+    if (stands_still(from.header, to.header))
       return count <= usual() ? std::optional(expected_s) : std::nullopt;
     const double passed_s =
         tick_s * static_cast<double>(
@@ -121,7 +128,7 @@ class Fit {
       for (std::size_t back = 1; back <= std::min(i, max_damaged + 1); ++back) {
         const Entry& from = entries_[i - back];
         const double expected_s = steps(from, e) * period_s_;
-        const std::int64_t score = from.score + 3 - static_cast<std::int64_t>(back);
+        const std::int64_t score = from.score + 3 - static_cast<std::int64_t>(back) - e.clock_stopped;
         if (score < e.score || expected_s > longest_link_s) continue;
         const std::optional<double> link = link_s(from, e);
         if (!link) continue;
@@ -245,7 +252,7 @@ class Fit {
           number > at && (next ? number + left <= number_of(*next) : number == at + 1 || confirmed);
       const double number_s = static_cast<double>(number) * period_s_;
       const double clock_s = tick_s * (sign * (e.header.cycles - member.header.cycles));
-      const bool by_clock = clock_s > passed_s &&
+      const bool by_clock = !e.clock_stopped && clock_s > passed_s &&
                             clock_s < (next ? limit_s : passed_s + 1.5 * period_s_) &&
                             (!fits || (!next && clock_s < number_s));
       if (by_clock)

@@ -10,6 +10,7 @@
 #include "acquire/intake/tag_check.hpp"
 #include "drivers/core/bytes.hpp"
 #include "drivers/util/format.hpp"
+#include "drivers/util/line_ends.hpp"
 #include "drivers/util/printable.hpp"
 
 namespace echofuse::acquire {
@@ -162,8 +163,10 @@ bool PicoquantTags::has_ambiguous_start() const { return file_->is_repeated("Fil
 bool PicoquantTags::read_record() {
   if (in_chunk_ == chunk_.size()) {
     chunk_.resize(chunk_records);
-    const std::size_t bytes = file_->file().read(
-        {reinterpret_cast<std::uint8_t*>(chunk_.data()), chunk_records * sizeof chunk_[0]});
+    auto* const begin = reinterpret_cast<std::uint8_t*>(chunk_.data());
+    const std::size_t bytes = file_->file().read({begin, chunk_records * sizeof chunk_[0]});
+    if (count_ == 0 && has_added_returns({begin, bytes}))
+      throw Error(ExitCode::failed, printable(file_->path()) + ": " + added_returns);
     bytes_cut_ += bytes % sizeof chunk_[0];
     chunk_.resize(bytes / sizeof chunk_[0]);
     in_chunk_ = 0;

@@ -40,6 +40,13 @@ FrameTimes times_of(const std::string& path, const radar::RadarProfile& profile)
   while (const std::size_t count = file.read(chunk))
     parser.feed({chunk.data(), count}, HostTime{}, add);
   parser.finish(add);
+  // If all frames have the same number and time, the board states neither. They are no copies.
+  constexpr std::size_t enough = 8;
+  const auto same = [&](const FrameHeader& h) {
+    return h.position == headers[0].position && h.cycles == headers[0].cycles;
+  };
+  if (headers.size() > enough && std::ranges::all_of(headers, same))
+    for (std::uint32_t i = 0; i < headers.size(); ++i) headers[i].position += i;
   FrameTimes times = fit_times(headers, profile.subframes, profile.frame_period_s);
   for (std::size_t i = 0; i < times.at.size(); ++i)
     times.at[i] += from_seconds(delays_s[i] - delays_s[0]);
@@ -77,9 +84,9 @@ void RadarRecording::take(RadarFrame frame, SampleSink& sink) {
   frame.received = at_ = times_.at.at(index);
   frame.lost_before = times_.lost.at(index);
   lost_ += frame.lost_before;
-  // Frame numbers repeat after a restart. Adding the number of restarts makes sure that frames with
-  // the same number have different device times.
-  epoch_ += frame.frame_number < std::exchange(number_, frame.frame_number);
+  // Frame numbers repeat after a restart. Adding the number of repetitions makes sure that frames
+  // with the same number have different device times.
+  epoch_ += frame.frame_number <= std::exchange(number_, frame.frame_number);
   frame.time_cpu_cycles += epoch_;
   frame.subframes = profile_.subframes;
   sink.on_radar(std::move(frame));
@@ -115,6 +122,10 @@ std::vector<std::string> RadarRecording::doubts() const {
     if (oddity.count > 0)
       out.push_back(std::to_string(oddity.count) + what + " (" + oddity.places + ")" + then);
   };
+  const std::uint64_t broken = c.truncated_frames + c.bad_headers + c.bad_tlvs;
+  const std::string changed = radar::changed_bytes(beginning_);
+  if (c.frames > 0 && !changed.empty() && (broken > 0 || c.range_profiles == 0))
+    out.push_back(changed);
   if (c.frames == 0)
     out.push_back("contains no frame of TI's demo: " + radar::cause_of_no_frames(beginning_));
   else if (c.range_profiles == 0)
@@ -147,13 +158,9 @@ std::vector<std::string> RadarRecording::doubts() const {
   if (times_.copies > 0)
     out.push_back(std::to_string(times_.copies) + " duplicate frames were omitted");
   if (lost_ > 0) out.push_back(std::to_string(lost_) + " frames are missing");
-  const std::uint64_t broken = c.truncated_frames + c.bad_headers + c.bad_tlvs;
   if (broken > 0 || c.junk_bytes > 0)
     out.push_back(std::to_string(broken) + " frames are damaged, " + std::to_string(c.junk_bytes) +
                   " bytes belong to no frame");
-  if (const std::string changed = radar::changed_line_ends(beginning_);
-      c.frames > 0 && broken > 0 && !changed.empty())
-    out.push_back(changed);
   const double expected_s = profile_.frame_period_s * profile_.subframes;
   const double period_s = times_.period_s > 0 ? profile_.subframes * times_.period_s : expected_s;
   if (std::abs(period_s - expected_s) > 0.05 * expected_s)

@@ -7,6 +7,8 @@
 #include <utility>
 
 #include "drivers/radar/log2_codes.hpp"
+#include "drivers/util/line_ends.hpp"
+#include "drivers/util/printable.hpp"
 
 namespace echofuse::radar {
 namespace {
@@ -64,17 +66,18 @@ bool fill(ByteView packet, std::size_t header, std::size_t extra) {
 
 }  // namespace
 
-std::string changed_line_ends(ByteView bytes) {
-  // Number of line feeds, or of shortened frames, required to detect converted line endings. Lost
+std::string changed_bytes(ByteView bytes) {
+  // Number of line feeds and of shortened frames required to detect converted line endings. Lost
   // bytes shorten a few frames. The platform field of every frame contains a line feed.
   constexpr std::ptrdiff_t enough = 4;
-  const auto feeds = std::ranges::count(bytes, '\n');
-  std::ptrdiff_t pairs = 0;
-  for (std::size_t i = 1; i < bytes.size(); ++i) pairs += bytes[i] == '\n' && bytes[i - 1] == '\r';
-  if (feeds >= enough && pairs == feeds)
-    return "line ends were converted because the file was saved as text: a carriage return "
-           "precedes each line feed";
-  if (feeds < enough || pairs > 0) return {};
+  constexpr std::size_t few_bytes = 1000, incomplete = 3;  // the last character may be incomplete
+  if (has_added_returns(bytes)) return added_returns;
+  const std::string all(bytes.begin(), bytes.end());
+  if (all.size() > few_bytes && std::ranges::none_of(bytes, [](int b) { return b > 127; }))
+    return "no byte exceeds 127: was the serial port opened with 7 data bits?";
+  if (all.size() > few_bytes && utf8_text(all).starts_with(all.substr(0, all.size() - incomplete)))
+    return "the bytes were converted to UTF-8 because the file was saved as text";
+  if (std::ranges::count(all, '\n') < enough || all.find("\r\n") != all.npos) return {};
   std::ptrdiff_t shortened = 0, unexplained = 0;
   for (std::size_t begin = find_magic(bytes, 0), end; begin < bytes.size(); begin = end) {
     end = find_magic(bytes, begin + 1);
@@ -104,7 +107,7 @@ std::string cause_of_no_frames(ByteView bytes) {
     return plain ? "the file contains text; expected the data port's bytes"
                  : "no frame header found: was the file recorded at the data port's baud rate?";
   }
-  if (const std::string changed = changed_line_ends(bytes); !changed.empty()) return changed;
+  if (const std::string changed = changed_bytes(bytes); !changed.empty()) return changed;
   const ByteView packet = bytes.subspan(first, end - first);
   if (fill(packet, 36, 0)) return "the frames are from SDK 1 or 2.0 (header of 36 bytes)";
   for (const std::size_t header : {36u, 40u})

@@ -75,8 +75,9 @@ struct FrameCounts {
 
 // Returns an explanation of why the beginning of a stream contains no frame.
 std::string cause_of_no_frames(ByteView beginning);
-// Returns a description of converted line endings in a recording, or an empty string.
-std::string changed_line_ends(ByteView bytes);
+// Returns how a program or a serial port has changed the bytes of a recording: converted line ends,
+// 7 data bits or UTF-8. Otherwise, returns an empty string.
+std::string changed_bytes(ByteView bytes);
 
 // Returns all counters except the frame numbers and the TLVs by type.
 std::vector<Counter> counters_of(const FrameCounts& counts);

@@ -252,6 +252,13 @@ TEST_CASE("import checks the header of a .ptu file against its records") {
        "no events on the input selected by --start 0; events by input: none");
   says(header(is_t2, 1e-12, 0).end().data(light).data(std::vector<std::uint8_t>{1, 2, 3}),
        ExitCode::ok, "the last record is truncated");
+  std::vector<std::uint8_t> saved_as_text;
+  for (const std::uint8_t b : as_bytes(light)) {
+    if (b == '\n') saved_as_text.push_back('\r');
+    saved_as_text.push_back(b);
+  }
+  says(header(is_t2, 1e-12, 0).end().data(saved_as_text), ExitCode::failed,
+       "line ends were converted because the file was saved as text");
   says(header(is_t2, 250e-12, 0).end().data(light), ExitCode::ok,
        "tag times are multiples of 250 ps, so bins of 100 ps have uneven widths; use --set "
        "tdc.bin_width_ps=250");

@@ -123,9 +123,15 @@ TEST_CASE(
       if (last - first < 10 || !similar)
         check(damaged, even, std::to_string(last - first + 1) + " frames have impossible times");
     }
-  RadarFile half, twice, block;
+  RadarFile half, twice, block, middle, slow, blank;
   for (std::uint32_t n = 1; n <= 60; ++n) half.frame(n, std::min(n, 30u) * 0.0499);
   check(half, even, "the board's clock stands still in 30 frames (frame 31, frame 32");
+  for (std::uint32_t n = 1; n <= 60; ++n) middle.frame(n, (n > 20 && n < 40 ? 20 : n) * 0.0499);
+  check(middle, even, "the board's clock stands still in 19 frames (frame 21, frame 22");
+  for (std::uint32_t n = 1; n <= 60; ++n) blank.frame(0, 0);
+  check(blank, {20, 20, 20}, "the board's clock stands still in 59 frames (frame 0, frame 0");
+  for (std::uint32_t n = 1; n <= 60; ++n) slow.frame(n, n * 0.25e-6);
+  check(slow, {20, 20, 20}, "the board's clock stands still in 59 frames (frame 2, frame 3");
   for (std::uint32_t n = 1; n <= 60; ++n) twice.frames(n, n).frames(n, n);
   check(twice, even, "60 duplicate frames were omitted");
   check(block.frames(1, 40).frames(21, 60), even, "20 duplicate frames were omitted");
@@ -300,6 +306,15 @@ TEST_CASE("import refuses a radar recording without a range profile and reports 
     shorter.erase(shorter.begin() + static_cast<std::ptrdiff_t>(i + 1));
   }
   refuses(shorter, "CR LF became LF");
+  Bytes seven_bits = whole, utf8;
+  for (std::uint8_t& b : seven_bits) b &= 127;
+  refuses(seven_bits, "no byte exceeds 127: was the serial port opened with 7 data bits?");
+  for (const std::uint8_t b : whole)
+    if (b < 128)
+      utf8.push_back(b);
+    else
+      put(utf8, static_cast<std::uint16_t>(0x80c0 | b >> 6 | (b & 63) << 8));
+  refuses(utf8, "the bytes were converted to UTF-8 because the file was saved as text");
   refuses(Bytes(5000, 0xf3), "was the file recorded at the data port's baud rate?");
   refuses(RadarFile{.header = 36}.frames(1, 20).bytes, "from SDK 1 or 2.0 (header of 36 bytes)");
   refuses(RadarFile{.header = 48}.frames(1, 20).bytes,
