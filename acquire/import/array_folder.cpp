@@ -8,7 +8,6 @@
 #include <limits>
 #include <sstream>
 
-#include "acquire/intake/sample_check.hpp"
 #include "acquire/measurement/radar_array.hpp"
 #include "acquire/record/fused_record.hpp"
 #include "drivers/core/median.hpp"
@@ -117,7 +116,10 @@ void bind(Settings& settings, ArraySettings& s) {
 ArrayFolder::ArrayFolder(const std::string& folder, const ArraySettings& settings)
     : folder_(folder),
       settings_(settings),
-      antennas_(antennas_of(settings.antennas, folder + "/run.toml")) {
+      antennas_(antennas_of(settings.antennas, folder + "/run.toml")),
+      samples_(settings.window_s, [this](Sensor sensor, const std::string& text) {
+        reported_.push_back(std::string(name_of(sensor)) + ": " + text);
+      }) {
   const bool of_run = !settings_.run.empty();
   spd_ = open("spd.npy", 2), radar_ = open("radar.npy", 2), depth_ = open("depth.npy", 3);
   array_ = open("array.npy", 3), index_ = open("index.npy", 1), valid_ = open("valid.npy", 1);
@@ -148,6 +150,7 @@ ArrayFolder::ArrayFolder(const std::string& folder, const ArraySettings& setting
                         " values in each of the bins up to " +
                         std::to_string(std::lround(record::array_end_m)) + " m");
   zones_ = stated_zones();
+  for (const Axis& axis : of_run ? std::vector<Axis>{} : axes()) samples_.take(axis);
   if (depth_)
     millimetres_ =
         settings_.depth_unit.empty() ? depth_->is_integer() : settings_.depth_unit == "mm";
@@ -322,6 +325,11 @@ void ArrayFolder::put_counts(record::FusedRecord& r) {
                                   : "multiply a normalised histogram by its photon number"));
   std::vector<std::uint32_t> counts;
   for (const double v : values) counts.push_back(static_cast<std::uint32_t>(std::llround(v)));
+  if (settings_.run.empty() && !samples_.take(counts, settings_.window_s)) {
+    r.sync[Sensor::spd].lost = 1;
+    r.sync[Sensor::spd].verdict.kind = record::VerdictKind::no_histograms;
+    return;
+  }
   if (counts == r.spd) return;
   r.spd = std::move(counts);
   r.spd_counts.in_range = 0;
@@ -339,13 +347,18 @@ void ArrayFolder::put_power(record::FusedRecord& r) {
   const std::vector<double> array =
       array_ ? read(*array_, -1e30, "finite numbers") : std::vector<double>{};
   if (values.empty()) return;
-  const std::vector<float> power(values.begin(), values.end());
+  RadarFrame frame;
+  frame.power.assign(values.begin(), values.end());
   if (settings_.run.empty()) {
-    ++powers_, like_db_ += looks_like_db(power);
-  } else if (power != r.radar) {
+    samples_.take(frame);
+    if (frame.power.empty()) {
+      r.sync[Sensor::radar].verdict.kind = record::VerdictKind::no_profile;
+      return;
+    }
+  } else if (frame.power != r.radar) {
     reassess(r, Sensor::radar);
   }
-  r.radar = power;
+  r.radar = std::move(frame.power);
   mark(r, Sensor::radar, 1);
   if (array.empty()) return;
   r.array.assign(array.begin(), array.end());
@@ -386,12 +399,10 @@ std::string ArrayFolder::take_depth(record::FusedRecord& r,
   return fault + (millimetres_ ? "millimetres (for metres set depth.unit = \"m\")" : "metres");
 }
 
-std::vector<std::string> ArrayFolder::doubts() const {
+std::vector<std::string> ArrayFolder::doubts() {
   if (2 * odd_maps_ > maps_) throw Error(ExitCode::failed, first_odd_);
-  std::vector<std::string> out;
-  if (2 * like_db_ > powers_)
-    out.push_back("radar: " + std::to_string(like_db_) + " of " + std::to_string(powers_) + " " +
-                  db_question);
+  samples_.finish();
+  std::vector<std::string> out = reported_;
   if (odd_maps_ > 0)
     out.push_back("depth: " + std::to_string(odd_maps_) + " of " + std::to_string(maps_) +
                   " maps are implausible and were omitted; the first: " + first_odd_);

@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "acquire/config/config.hpp"
+#include "acquire/intake/sample_check.hpp"
 #include "acquire/measurement/depth_map.hpp"
 #include "acquire/record/fused_record.hpp"
 #include "drivers/util/npy.hpp"
@@ -40,6 +41,7 @@ class ArrayFolder {
   // Throws Error(failed) if an array is missing, damaged or too large, or if the arrays differ in
   // their number of rows. Throws Error(config) if run.toml does not match the arrays.
   ArrayFolder(const std::string& folder, const ArraySettings& settings);
+  ArrayFolder(const ArrayFolder&) = delete;
 
   std::size_t rows() const { return rows_; }
   const std::string& newest() const { return newest_; }  // most recently modified array
@@ -54,7 +56,7 @@ class ArrayFolder {
   void take_row(record::FusedRecord& r);
   // Returns the warnings about the data. May be called only after the last row. Throws
   // Error(failed) if most depth maps are implausible.
-  std::vector<std::string> doubts() const;
+  std::vector<std::string> doubts();
 
  private:
   std::unique_ptr<NpyFile> open(const char* name, std::size_t dimensions);
@@ -77,8 +79,10 @@ class ArrayFolder {
   std::size_t rows_ = 0, row_ = 0;
   std::unique_ptr<NpyFile> spd_, radar_, array_, depth_, index_, valid_;
   bool millimetres_ = true;
-  std::size_t powers_ = 0, like_db_ = 0, maps_ = 0, odd_maps_ = 0;
+  std::size_t maps_ = 0, odd_maps_ = 0;
   std::string first_odd_;
+  std::vector<std::string> reported_;
+  SampleCheck samples_;
 };
 
 }  // namespace echofuse::acquire

@@ -6,6 +6,7 @@
 #include <functional>
 #include <iterator>
 #include <limits>
+#include <numbers>
 #include <utility>
 
 #include "acquire/measurement/detector.hpp"
@@ -18,17 +19,20 @@ namespace {
 constexpr std::uint64_t enough_exposures = 10;
 constexpr double enough_s = 1, overlap = 1.2;
 constexpr std::size_t enough_profiles = 20, enough_maps = 10;
-constexpr double farthest_m = 300, min_median_mm = 20;
+constexpr double nearest_m = 0.05, farthest_m = 300, min_median_mm = 20;
+constexpr double widest = 3;  // tangent of 71.6 degrees
 
 std::string digits(double value) { return format("%.4g", value); }
 
-}  // namespace
-
+// Returns true if the values may be in dB: some are negative, or the largest is less than 6 times
+// the smallest. Linear power spans a larger ratio, and is negative only if noise was subtracted.
 bool looks_like_db(const std::vector<float>& power) {
   constexpr float min_ratio = 6;
   const auto [low, high] = std::ranges::minmax(power);
   return low < high && (low < 0 || high < min_ratio * low);
 }
+
+}  // namespace
 
 std::string fault_of_depths(double median_mm) {
   if (median_mm >= min_median_mm) return {};
@@ -40,21 +44,34 @@ void SampleCheck::once(bool& reported, Sensor sensor, const std::string& text) {
 }
 
 bool SampleCheck::take(HistogramFrame& frame) {
-  const double max_clicks = record::max_clicks_per_s * 1e-6 * frame.exposure_us;
-  const auto highest = std::ranges::max_element(frame.counts);
-  if (highest != frame.counts.end() &&
-      (*highest > max_clicks || *highest == std::numeric_limits<std::uint32_t>::max())) {
-    once(impossible_reported_, Sensor::spd,
-         "bin " + std::to_string(highest - frame.counts.begin()) + " contains " +
-             std::to_string(*highest) + " counts in an exposure of " +
-             digits(1e-6 * frame.exposure_us) +
-             " s, more than a detector can send; such exposures are dropped and counted as lost");
+  check_clock(Sensor::spd, frame.device_time_us, frame.received);
+  if (!take(frame.counts, 1e-6 * frame.exposure_us)) {
     lost_ += frame.lost_before + 1;
     return false;
   }
   frame.lost_before += std::exchange(lost_, 0);
   check_exposures(frame);
-  check_falls(frame);
+  return true;
+}
+
+bool SampleCheck::take(const std::vector<std::uint32_t>& counts, double exposure_s) {
+  const auto highest = std::ranges::max_element(counts);
+  if (highest != counts.end() && (*highest > record::max_clicks_per_s * exposure_s ||
+                                  *highest == std::numeric_limits<std::uint32_t>::max())) {
+    once(impossible_reported_, Sensor::spd,
+         "bin " + std::to_string(highest - counts.begin()) + " contains " +
+             std::to_string(*highest) + " counts in an exposure of " + digits(exposure_s) +
+             " s, more than a detector can send; such exposures are dropped and counted as lost");
+    return false;
+  }
+  const bool rises = last_counts_.size() == counts.size() &&
+                     std::ranges::equal(last_counts_, counts, std::ranges::less_equal()) &&
+                     last_counts_ != counts;
+  last_counts_ = counts;
+  rises_ = rises ? rises_ + 1 : 0;
+  if (rises_ >= enough_exposures)
+    once(falls_reported_, Sensor::spd,
+         "counts fall in no bin over ten exposures; is the histogram cleared after each exposure?");
   return true;
 }
 
@@ -84,18 +101,8 @@ void SampleCheck::check_exposures(const HistogramFrame& frame) {
   first_ = {frame.received, frame.device_time_us}, exposures_ = exposed_us_ = 0;
 }
 
-void SampleCheck::check_falls(const HistogramFrame& frame) {
-  const bool rises = last_counts_.size() == frame.counts.size() &&
-                     std::ranges::equal(last_counts_, frame.counts, std::ranges::less_equal()) &&
-                     last_counts_ != frame.counts;
-  last_counts_ = frame.counts;
-  rises_ = rises ? rises_ + 1 : 0;
-  if (rises_ >= enough_exposures)
-    once(falls_reported_, Sensor::spd,
-         "counts fall in no bin over ten exposures; is the histogram cleared after each exposure?");
-}
-
 void SampleCheck::take(RadarFrame& frame) {
+  check_clock(Sensor::radar, frame.time_cpu_cycles, frame.received);
   if (frame.power.empty()) return;
   if (std::ranges::all_of(frame.power, [](float p) { return p == 0; })) {
     frame.power.clear(), frame.array.clear();
@@ -104,11 +111,26 @@ void SampleCheck::take(RadarFrame& frame) {
   }
   if (profiles_ == enough_profiles) return;
   like_db_ += looks_like_db(frame.power);
-  if (++profiles_ == enough_profiles && 2 * like_db_ > profiles_)
-    once(db_reported_, Sensor::radar, db_question);
+  if (++profiles_ == enough_profiles) finish();
+}
+
+void SampleCheck::finish() {
+  if (2 * like_db_ > profiles_)
+    once(db_reported_, Sensor::radar,
+         "profiles have negative values or a max/min ratio below 6: are they in dB? Expected "
+         "linear power, 10^(dB/10)");
+}
+
+// Reports the rate of the device clock. ClockFit then uses receipt times.
+void SampleCheck::check_clock(Sensor sensor, std::uint64_t ticks, HostTime received) {
+  if (const std::string rate = clocks_[sensor].add(ticks, received); !rate.empty())
+    once(clock_reported_[sensor], sensor,
+         "the device clock " + rate +
+             "; check that its times are in us. Receipt times are used instead");
 }
 
 void SampleCheck::take(const DepthFrame& frame) {
+  check_clock(Sensor::depth, frame.device_time_us, frame.received);
   if (maps_ == enough_maps) return;
   ++maps_;
   std::vector<std::uint16_t> returns;
@@ -119,10 +141,21 @@ void SampleCheck::take(const DepthFrame& frame) {
 }
 
 void SampleCheck::take(const Axis& axis) {
-  const double end_m = axis.start + axis.step * axis.count;
-  if (axis.name == "radar" && end_m > farthest_m)
-    once(range_reported_, Sensor::radar,
-         "the range profile ends at " + digits(end_m) + " m; is its range step in metres?");
+  const bool spd = axis.name == "spd";
+  const double end_m = axis.at(axis.count) / (spd ? ps_per_m : 1);
+  if ((spd || axis.name == "radar") && (end_m < nearest_m || end_m > farthest_m))
+    once(axis_reported_, spd ? Sensor::spd : Sensor::radar,
+         (spd ? "the histogram ends at " : "the range profile ends at ") + digits(end_m) + " m; " +
+             (spd ? "are its bins in ps?" : "is its range step in metres?"));
+  double tangent = 0;
+  if (axis.name.starts_with("depth_")) tangent = std::abs(axis.start);
+  for (const Zone& zone : axis.zones)
+    if (zone.has_direction()) tangent = std::max({tangent, std::abs(zone.x), std::abs(zone.y)});
+  if (tangent > widest)
+    once(tangent_reported_, spd ? Sensor::spd : Sensor::depth,
+         "the field of view contains the tangent " + digits(tangent) + ", or " +
+             digits(std::atan(tangent) * 180 / std::numbers::pi) +
+             " degrees from the optical axis; are the tangents in degrees?");
 }
 
 }  // namespace echofuse::acquire

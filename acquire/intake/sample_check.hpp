@@ -4,8 +4,10 @@
 //   histogram  exposures are longer than a slot, or add up to more than the time between them;
 //              counts fall in no bin over ten exposures; a bin contains more counts than a detector
 //              can send, so that the exposure is lost
-//   profile    power in dB; a range axis in other units; zeros in all bins, which are no profile
+//   profile    power in dB; zeros in all bins, which are no profile
 //   depth      depths in other units
+//   axis       ranges or tangents in other units
+//   clock      the device clock stands still or runs at another rate than the host clock
 #pragma once
 #include <cstdint>
 #include <functional>
@@ -13,16 +15,10 @@
 #include <string>
 #include <vector>
 
+#include "acquire/intake/clock_rate.hpp"
 #include "drivers/core/sample.hpp"
 
 namespace echofuse::acquire {
-
-// Returns true if the values may be in dB: some are negative, or the largest is less than 6 times
-// the smallest. Linear power spans a larger ratio, and is negative only if noise was subtracted.
-bool looks_like_db(const std::vector<float>& power);
-inline constexpr const char* db_question =
-    "profiles have negative values or a max/min ratio below 6: are they in dB? Expected linear "
-    "power, 10^(dB/10)";
 
 // Returns the fault of a map with this median of the depths, or an empty string.
 std::string fault_of_depths(double median_mm);
@@ -37,11 +33,15 @@ class SampleCheck {
   void take(RadarFrame& frame);  // removes a profile of zeros and its heat map
   void take(const DepthFrame& frame);
   void take(const Axis& axis);
+  // Returns false if a bin contains more counts than a detector can send in the exposure.
+  bool take(const std::vector<std::uint32_t>& counts, double exposure_s);
+  // Reports the faults that have not been reported because there were few samples.
+  void finish();
 
  private:
   void once(bool& reported, Sensor sensor, const std::string& text);
   void check_exposures(const HistogramFrame& frame);
-  void check_falls(const HistogramFrame& frame);
+  void check_clock(Sensor sensor, std::uint64_t ticks, HostTime received);
 
   double window_s_;
   Report report_;
@@ -56,7 +56,11 @@ class SampleCheck {
   std::size_t profiles_ = 0, like_db_ = 0, maps_ = 0;
   bool impossible_reported_ = false, long_reported_ = false, overlap_reported_ = false,
        falls_reported_ = false, db_reported_ = false, zeros_reported_ = false,
-       range_reported_ = false, depth_reported_ = false;
+       axis_reported_ = false, tangent_reported_ = false, depth_reported_ = false;
+  // Histograms and depth images have device times in us, profiles in cycles of 32 bits.
+  PerSensor<ClockRate> clocks_{ClockRate{1e-6}, ClockRate{1 / RadarFrame::clock_hz, 32},
+                               ClockRate{1e-6}};
+  PerSensor<bool> clock_reported_{};
 };
 
 }  // namespace echofuse::acquire

@@ -51,6 +51,7 @@ void Stream::on_state(Sensor sensor, DeviceState state, const DeviceInfo& info) 
 void Stream::finish() {
   tags_.flush(take_tags_);
   tags_.finish();
+  samples_.finish();
 }
 
 }  // namespace echofuse::acquire

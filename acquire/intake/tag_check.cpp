@@ -18,8 +18,7 @@ constexpr std::uint64_t sorted_within_ps = 1'000'000;
 // Maximum number of positions by which sorting moves an event.
 constexpr std::size_t max_moves = 1000;
 constexpr std::size_t max_events = 20'000;
-constexpr auto clock_time = 2s, overflow_time = 3s;
-constexpr double clock_share = 0.1, like_before = 0.05;
+constexpr auto overflow_time = 3s;
 constexpr std::uint64_t enough = 20;
 
 std::string time_text(double ps) {
@@ -72,7 +71,7 @@ TagCheck::TagCheck(const tdc::HistogramSettings& use, bool live, ReportFault rep
 
 void TagCheck::take(const TagBlock& block, const Output& out) {
   if (block.lost_blocks > 0) {  // the time tagger may have been reconnected
-    last_ps_.reset(), clock_from_.reset(), clock_ratio_.reset(), overflow_from_.reset();
+    last_ps_.reset(), clock_.restart(), overflow_from_.reset();
     highest_ps_ = offset_ps_ = 0;
   }
   if (block.lost_blocks > 0 || block.lost_items > 0) last_start_ps_.reset();
@@ -264,26 +263,12 @@ void TagCheck::check_second(HostTime received) {
 }
 
 void TagCheck::check_clock(HostTime received) {
-  if (!last_ps_) return;
-  const ClockReading now{received, *last_ps_ + offset_ps_};
-  if (stepped_back_ > 0 || !clock_from_) {
-    clock_from_ = now, clock_ratio_.reset();
-    return;
-  }
-  if (received - clock_from_->received < clock_time) return;
-  const double ratio = static_cast<double>(now.device_ps - clock_from_->device_ps) * 1e-12 /
-                       seconds(received - clock_from_->received);
-  clock_from_ = now;
-  const auto before = std::exchange(clock_ratio_, ratio);
-  if (near(ratio, 1, clock_share) || ratio <= 0 || !before || !near(ratio, *before, like_before))
-    return;
-  const double slower = std::round(1 / ratio);
-  const std::string at = ratio < 1 && near(1 / ratio, slower, 0.03) ? format("1/%.0f of", slower)
-                                                                    : format("%.4g times", ratio);
-  found(clock, 1,
-        "intervals of 2 s in which the tagger's clock runs at " + at +
-            " the rate of the host clock; check that its times are in ps. Receipt times are used "
-            "instead");
+  if (!last_ps_ || sample_.events == 0) return;
+  if (stepped_back_ > 0) clock_.restart();
+  if (const std::string rate = clock_.add(*last_ps_ + offset_ps_, received); !rate.empty())
+    found(clock, 1,
+          "intervals of 2 s in which the tagger's clock " + rate +
+              "; check that its times are in ps. Receipt times are used instead");
 }
 
 void TagCheck::check_overflow(HostTime received) {
@@ -368,6 +353,10 @@ void TagCheck::check_clicks() {
   });
   if (static_cast<double>(around) < 0.5 * static_cast<double>(sample_.seconds)) return;
   if (delay_ps < static_cast<double>(use_.dead_time_ps)) return;
+  if (delay_ps < 1)
+    return found(second, sample_.seconds,
+                 "clicks arrive twice with the same time; does the device send its tags twice? Set "
+                 "tdc.dead_time_ps to remove the copies");
   found(second, sample_.seconds,
         "clicks are followed by a second click after " + time_text(delay_ps) +
             format(", which causes a second peak %.2f m behind the first: afterpulses or a "

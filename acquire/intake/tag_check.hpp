@@ -12,7 +12,7 @@
 //   doubled      a start is followed by a second start within its period
 //   period       the laser period changes
 //   steps        the bin width is not a multiple of the time step of the tags
-//   second       a click is followed by a second click after a fixed time
+//   second       a click is followed by a second click after a fixed time, or at the same time
 // The last five faults are tested on the first 20,000 events of each second.
 #pragma once
 #include <array>
@@ -22,6 +22,7 @@
 #include <string>
 #include <vector>
 
+#include "acquire/intake/clock_rate.hpp"
 #include "drivers/core/sample.hpp"
 #include "drivers/tdc/histogram.hpp"
 
@@ -102,12 +103,7 @@ class TagCheck {
   // Counts of the faults in the current second.
   std::uint64_t wrapped_ = 0, stepped_back_ = 0, sorted_ = 0, farthest_back_ps_ = 0;
   unsigned wrap_bits_ = 0;
-  struct ClockReading {
-    HostTime received;
-    std::uint64_t device_ps;
-  };
-  std::optional<ClockReading> clock_from_;
-  std::optional<double> clock_ratio_;
+  ClockRate clock_{1e-12};
   std::optional<HostTime> second_from_, overflow_from_;
   bool overflow_reported_ = false;
   std::optional<std::uint64_t> last_start_ps_, last_click_ps_;

@@ -98,11 +98,60 @@ TEST_CASE("power in dB, ranges in other units and depths in metres are reported 
   events.pop_back();
   check.take(Axis{"radar", "power", "m", 64, 0, 0.25, 1});
   CHECK(events.size() == 1);
+  SampleCheck other_axes = check;
   check.take(Axis{"radar", "power", "m", 64, 0, 25, 1});
   CHECK(events.at(1) == "the range profile ends at 1600 m; is its range step in metres?");
+  events.clear();
+  other_axes.take(Axis{"spd", "counts", "ps", 336, 13343, 100, 1});
+  other_axes.take(Axis{"depth_x", "tangent", "1", 32, -0.55, 0.034, 1});
+  CHECK(events.empty());
+  other_axes.take(Axis{"depth_x", "tangent", "1", 32, -28.8, 1.8, 1});
+  CHECK(events.at(0) ==
+        "the field of view contains the tangent 28.8, or 88.01 degrees from the optical axis; are "
+        "the tangents in degrees?");
+  other_axes.take(Axis{"spd", "counts", "ps", 336, 13.343, 0.1, 1});
+  CHECK(events.at(1) == "the histogram ends at 0.007037 m; are its bins in ps?");
+  events.assign(2, "");
   DepthFrame map;
   map.depth_mm = {0, 0, 0, 2, 3, 3};
   for (int k = 0; k < 20; ++k) check.take(map);
   CHECK(events.size() == 3);
   CHECK(events.at(2) == "depth map: its median is 3 mm; expected depths in millimetres");
+}
+
+TEST_CASE("a device clock that stands still or runs at another rate is reported for each sensor") {
+  for (const auto& [factor, saying] : {std::pair{0.0, "stands still"},
+                                       {1e-3, "runs at 1/1000 of the rate of the host clock"},
+                                       {0.98, ""},
+                                       {2.0, "runs at 2 times the rate of the host clock"}}) {
+    PerSensor<std::vector<std::string>> events;
+    SampleCheck check(1.0, [&](Sensor s, const std::string& text) { events[s].push_back(text); });
+    Rng rng(3);
+    for (int k = 0; k < 200; ++k) {
+      const double at_s = 100 + 0.05 * k;
+      HistogramFrame histogram;
+      RadarFrame profile;
+      DepthFrame map;
+      for (auto* frame : {&histogram.received, &profile.received, &map.received})
+        *frame = from_seconds(at_s);
+      histogram.exposure_us = 50'000;
+      for (int i = 0; i < 100; ++i)
+        histogram.counts.push_back(static_cast<std::uint32_t>(rng() % 20));
+      histogram.device_time_us = map.device_time_us =
+          static_cast<std::uint64_t>(std::llround(1e6 * factor * at_s));
+      profile.time_cpu_cycles = static_cast<std::uint32_t>(
+          static_cast<std::uint64_t>(std::llround(RadarFrame::clock_hz * factor * at_s)));
+      check.take(histogram);
+      check.take(profile);
+      check.take(map);
+    }
+    CAPTURE(factor);
+    for (const auto& reported : events) {
+      CHECK(reported.size() == (*saying ? 1 : 0));
+      if (*saying)
+        CHECK(reported.at(0) == std::string("the device clock ") + saying +
+                                    "; check that its times are in us. Receipt times are used "
+                                    "instead");
+    }
+  }
 }

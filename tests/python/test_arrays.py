@@ -224,7 +224,7 @@ def test_imported_records_get_the_same_verdicts_as_live_records(tmp_path):
     frozen = write(tmp_path / "frozen", spd=np.repeat(arrays["spd"][:1], 12, 0), radar=np.repeat(arrays["radar"][:1], 12, 0))
     assert verdicts(frozen, "spd") == verdicts(frozen, "radar") == ["ok"] + ["stands still"] * 11
     dead = write(tmp_path / "dead", spd=np.zeros((3, 90)), radar=np.zeros((3, 20)))
-    assert verdicts(dead, "spd") == ["no peak"] * 3 and verdicts(dead, "radar")[0] == "no peak"
+    assert verdicts(dead, "spd") == ["no peak"] * 3 and verdicts(dead, "radar") == ["no range profile"] * 3
     dim = {"spd": np.random.default_rng(1).poisson(arrays["spd"] / 10)}
     assert verdicts(write(tmp_path / "dim", **dim), "spd") == ["weak"] * 12
     assert verdicts(write(tmp_path / "limit", **dim, signal={"spd_clicks": 0}), "spd") == ["ok"] * 12
@@ -239,11 +239,27 @@ def test_verdicts_do_not_depend_on_the_unit_of_radar_power(tmp_path, unit):
     assert verdicts(write(tmp_path / "frozen", **frozen), "radar") == ["ok"] + ["stands still"] * 11
 
 
-def test_import_warns_if_radar_power_seems_to_be_in_db(tmp_path):
-    radar = scene()["radar"]
-    assert "are they in dB?" in events(write(tmp_path / "db", radar=10 * np.log10(radar) + 60, began="2024-02-07"))[0]
-    assert "are they in dB?" in events(write(tmp_path / "negative", radar=10 * np.log10(radar) - 5, began="2024-02-07"))[0]
-    assert not events(write(tmp_path / "linear", radar=radar, began="2024-02-07"))
+def with_marker(counts):
+    counts[5, 30] = 0xffffffff
+    return counts
+
+
+@pytest.mark.parametrize("said, change", [
+    ("are they in dB?", lambda a: {"radar": 10 * np.log10(a["radar"]) + 60}),
+    ("are they in dB?", lambda a: {"radar": 10 * np.log10(a["radar"]) - 5}),
+    ("the range profile ends at 500 m; is its range step in metres?", lambda a: {"step_m": 25}),
+    ("the range profile ends at 0.005 m; is its range step in metres?", lambda a: {"step_m": 25e-5}),
+    ("the histogram ends at 0.001349 m; are its bins in ps?", lambda a: {"bin_width_ps": 0.1}),
+    ("the tangent 10, or 84.29 degrees from the optical axis; are the tangents in degrees?",
+     lambda a: {"spd": a["spd"][:, None], "zones": [(10, 0, 20)]}),
+    ("counts fall in no bin over ten exposures", lambda a: {"spd": np.cumsum(a["spd"], 0)}),
+    ("bin 30 contains 4294967295 counts in an exposure of 3 s", lambda a: {"spd": with_marker(a["spd"])})])
+def test_import_reports_mistakes_of_the_program_that_wrote_the_arrays(tmp_path, said, change):
+    arrays = scene()
+    assert not events(write(tmp_path / "right", **arrays, began="2024-02-07"))
+    run = write(tmp_path / "wrong", **{**arrays, **change(arrays)}, began="2024-02-07")
+    assert len(events(run)) == 1 and said in events(run)[0]
+    assert verdicts(run, "spd").count("no histograms") == ("4294967295" in said)
 
 
 def test_began_argument_sets_the_start_time_of_an_imported_run(tmp_path):
