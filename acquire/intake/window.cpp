@@ -47,10 +47,11 @@ void Windows::SampleTimes::describe(record::SensorSync& sync) const {
 Windows::FrameNumbers::Order Windows::FrameNumbers::put(std::uint32_t number,
                                                         std::uint64_t device_time) {
   const auto known = last_.begin() + static_cast<std::ptrdiff_t>(std::min(count_, last_.size()));
-  if (std::find(last_.begin(), known, std::pair(number, device_time)) != known)
-    return Order::repeated;
+  const auto copies = std::count(last_.begin(), known, std::pair(number, device_time));
   const std::uint32_t before = count_ > 0 ? last_[(count_ - 1) % last_.size()].first : number;
   last_[count_++ % last_.size()] = {number, device_time};
+  // If all eight frames have the same number and time, the device states neither.
+  if (copies > 0 && copies < std::ssize(last_)) return Order::repeated;
   return static_cast<std::int32_t>(number - before) < 0 ? Order::back : Order::next;
 }
 
@@ -253,10 +254,15 @@ record::Verdict Windows::spd_fault(const Slot& slot, HostTime end) const {
   if (!sends_histograms_ && tags.starts == 0)
     return {VerdictKind::no_starts,
             "channel " + std::to_string(histogram_->settings().start_channel)};
-  if (overflow_from_ && tags.in_range + tags.out_of_range == 0 && tags.without_start > 0)
-    return {VerdictKind::in_overflow,
-            "for " + std::to_string(std::llround(seconds(end - *overflow_from_))) +
-                " s; clicks are not counted until the tagger reports the end of the overflow"};
+  if (tags.in_range + tags.out_of_range == 0 && tags.without_start > 0) {
+    if (overflow_from_)
+      return {VerdictKind::in_overflow,
+              "for " + std::to_string(std::llround(seconds(end - *overflow_from_))) +
+                  " s; clicks are not counted until the tagger reports the end of the overflow"};
+    if (tags.overflows > 0)
+      return {VerdictKind::in_overflow,
+              std::to_string(tags.overflows) + " overflows contain all clicks of the slot"};
+  }
   const auto span = spd.times.last - spd.times.first;
   if (span < grid_.length / 2)
     return {VerdictKind::covers_part,

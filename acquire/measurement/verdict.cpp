@@ -49,7 +49,7 @@ constexpr VerdictRow table[] = {
            "The frames contain no range profile, or only zeros."),
     absent(covers_part, "covers only part", spd, "The samples cover less than half of the slot."),
     absent(in_overflow, "in overflow", spd,
-           "The tagger has been in an overflow since an earlier slot. No clicks are counted."),
+           "All clicks arrived during overflows of the tagger, so none are counted."),
     absent(other_axis, "other axis", any,
            "The size or axis of the data differs from the one at the start of the run."),
     absent(odd, "odd", depth, "The values of an imported depth map are implausible."),

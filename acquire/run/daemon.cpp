@@ -256,7 +256,7 @@ void Daemon::announce(Sensor sensor) {
   recording_->journal.put_device(info);
   if (!intake_.slots.announce(info))
     log(Severity::error, name_of(sensor),
-        "reconnected with different axes; its samples are ignored");
+        "its axes differ from those at the start of the run; its samples are ignored");
   recording_->journal.put_axes(intake_.slots.axes());
 }
 

@@ -258,6 +258,16 @@ TEST_CASE("a sensor without usable data is invalid, and the record contains the 
     feed(windows, 10s, {click_at(0)});
     spd = "no start tags: channel 1";
   }
+  SECTION("a detector with clicks only during overflows is invalid") {
+    for (const HostTime at : {HostTime(10s), HostTime(10s + 600ms)})
+      feed(windows, at,
+           {start_at(0),
+            {.type = TagType::overflow_begin, .time_ps = 1},
+            start_at(2),
+            click_at(3),
+            {.type = TagType::overflow_end, .time_ps = 4}});
+    spd = "in overflow: 2 overflows contain all clicks of the slot";
+  }
   SECTION("a detector with tags over less than half of the slot is invalid") {
     feed(windows, 10s, {start_at(0)});
     feed(windows, 10s + 499ms, {start_at(1)});
@@ -291,6 +301,12 @@ TEST_CASE("a sensor without usable data is invalid, and the record contains the 
   CHECK(sync(r, Sensor::depth).verdict.text() == depth);
   // Only the section that expects "tags cover ..." sends enough tags to make slot 1 valid.
   CHECK(windows.close({1, false}).has(Sensor::spd) == spd.starts_with("covers only part"));
+}
+
+TEST_CASE("frames of a device that states neither a number nor a time are used") {
+  Windows windows = make_windows();
+  for (int k = 0; k < 20; ++k) windows.add(radar_frame(10s, 0, {1, 2, 3, 4}));
+  CHECK(windows.close({0, false}).sync[Sensor::radar].used == 13);
 }
 
 TEST_CASE("a click is not paired with a start if tags outside open slots came between them") {
