@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <initializer_list>
 #include <limits>
+#include <map>
 #include <sstream>
 #include <utility>
 
@@ -220,9 +221,6 @@ void check_radar_keys(ConfigChecker& checker, Config& c, const std::string& cfg,
   if (radar.cli.empty() != radar.data.empty())
     checker.complain({"radar.cli", "radar.data"},
                      "one of radar.cli and radar.data is empty; set both ports");
-  if (!radar.cli.empty() && radar.cli == radar.data)
-    checker.complain({"radar.data", "radar.cli"},
-                     "radar.cli and radar.data are the same port; expected the radar's two ports");
   if (!radar.cli.empty())
     checker.attempt({"radar.cli"}, [&] { check_radar_port(radar.cli, RadarConfig::cli_baud); });
   if (!radar.data.empty())
@@ -289,6 +287,15 @@ void check_config(ConfigChecker checker, Config& c, const Keys& k,
     if ((c.required() - c.configured()).contains(s))
       checker.complain({keys[s].policy},
                        std::string("the sensor is required, but ") + keys[s].address + " is empty");
+  std::map<std::string, const char*> used;
+  for (const auto& [key, address] : {std::pair{"tdc.address", &c.tdc.address},
+                                     {"radar.cli", &c.radar.cli},
+                                     {"radar.data", &c.radar.data},
+                                     {"radar.address", &c.radar.address},
+                                     {"depth.address", &c.depth.address}})
+    if (const auto [other, is_new] = used.try_emplace(*address, key); !is_new && !address->empty())
+      checker.complain({key, other->second}, std::string(other->second) + " and " + key +
+                                                 " are the same port; expected different ports");
   if (!c.tdc.address.empty()) checker.attempt({"tdc.address"}, [&] { check_tdc(c.tdc.address); });
   checker.attempt({"tdc.click_channel", "tdc.start_channel", "tdc.bins", "tdc.bin_width_ps"},
                   [&] { const tdc::Histogram check(c.histogram); });

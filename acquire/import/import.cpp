@@ -23,6 +23,7 @@
 #include "drivers/util/printable.hpp"
 #include "drivers/util/program.hpp"
 #include "drivers/util/regular_file.hpp"
+#include "drivers/util/settings.hpp"
 
 namespace echofuse::acquire {
 namespace {
@@ -86,9 +87,7 @@ void take_cfg(Config& config, const std::string& recording, const std::string& c
                                       ": the board's .cfg is missing; copy it to " +
                                       printable(adjacent) + ", or give its path with --cfg");
   config.radar.cfg_name = path;
-  config.radar.cfg_text = RegularFile(path, ExitCode::config).rest<std::string>(1 << 20);
-  if (config.radar.cfg_text.empty())
-    throw Error(ExitCode::config, printable(path) + ": is empty; expected the board's .cfg");
+  config.radar.cfg_text = read_config_text(path);
   record::Antennas antennas;
   for (const auto& place : parse_profile(config.radar).array)
     antennas.push_back({.x = static_cast<double>(place.x), .y = static_cast<double>(place.y)});

@@ -67,8 +67,6 @@ void require_plain_text(std::string_view text, const std::string& name) {
   if (text.size() > max_cfg_bytes)
     fail(" has " + std::to_string(text.size()) + " bytes; expected a cfg of at most " +
          std::to_string(max_cfg_bytes));
-  if (text.find('\0') != text.npos)
-    fail(" is UTF-16 or not a text file; save it as UTF-8 or ASCII");
   for (std::size_t at = 0; (at = text.find('\r', at)) != text.npos; ++at)
     if (at + 1 < text.size() && text[at + 1] != '\n' && text[at + 1] != '\r')
       fail(std::to_string(1 + std::ranges::count(text.substr(0, at), '\n')) +

@@ -14,7 +14,7 @@ namespace echofuse::radar {
 
 struct DemoCommand;
 
-// Throws Error(config) if the text is UTF-16 or too long, or if a CR is not followed by an LF.
+// Throws Error(config) if the text is too long, or if a CR is not followed by an LF.
 void require_plain_text(std::string_view text, const std::string& name);
 
 struct CfgCommand {

@@ -111,6 +111,10 @@ std::string read_config_text(const std::string& path) {
   auto text = RegularFile(path, ExitCode::config).rest<std::string>(longest);
   if (text.size() > longest)
     throw Error(ExitCode::config, printable(path) + ": has more than 64 MiB; expected a text file");
+  if (text.find('\0') != text.npos)
+    throw Error(ExitCode::config, printable(path) +
+                                      ": is UTF-16 or not a text file; save it as "
+                                      "UTF-8 or ASCII");
   return text;
 }
 

@@ -122,6 +122,14 @@ TEST_CASE("the configuration loader checks that the keys are consistent") {
     CHECK(has(refusal(path).second, "one of radar.cli and radar.data is empty"));
     CHECK(has(refusal(path).second, "radar.cfg is empty"));
   }
+  SECTION("two sensors or ports with the same address are refused") {
+    write_file(path,
+               "[tdc]\naddress = \"bridge:tcp://h:1\"\n[depth]\naddress = \"bridge:tcp://h:1\"\n");
+    CHECK(has(refusal(path).second,
+              path + ":4:1: depth.address: tdc.address and depth.address are the same port"));
+    CHECK(has(refusal(path, {"radar.cli=serial:/a", "radar.data=serial:/a"}).second,
+              "--set radar.data=serial:/a: radar.cli and radar.data are the same port"));
+  }
   SECTION("a radar that is connected through a bridge needs neither a cfg nor serial ports") {
     write_file(path, "[radar]\naddress = \"bridge:tcp://h:1\"\n");
     CHECK(load_config(path).configured() == SensorSet::from_bits(2));
@@ -137,6 +145,11 @@ TEST_CASE("the configuration loader checks that the keys are consistent") {
         shell("cat " + echofuse::test::source_dir + "/config/radar/xwr68xx_44mm.cfg").text;
     write_file(folder / "r.cfg", far.replace(far.find("profileCfg 0 6"), 14, "profileCfg 0 7"));
     CHECK(has(refusal(path).second, "GHz (limits 60 to 64 GHz)"));
+    const std::string wide = ": is UTF-16 or not a text file; save it as UTF-8 or ASCII";
+    write_file(folder / "r.cfg", std::string("\xff\xfe%\0\n\0", 6));
+    CHECK(has(refusal(path).second, path + ":4:1: radar.cfg: " + folder / "r.cfg" + wide));
+    write_file(folder / "wide.toml", std::string("\xff\xfe[\0", 4));
+    CHECK(refusal(folder / "wide.toml").second == folder / "wide.toml" + wide);
     write_file(folder / "r.cfg", "sensorStop\nprofileCfg 0 60\n");
     CHECK(
         has(refusal(path).second, path + ":4:1: radar.cfg: " + folder / "r.cfg: has no frameCfg"));

@@ -110,15 +110,13 @@ TEST_CASE("the end frequency of a chirp is computed in register steps of the rad
         "x.cfg:5: profileCfg sweeps 60 to 64.0008 GHz (limits 60 to 64 GHz)");
 }
 
-TEST_CASE("a radar cfg in UTF-8 with a BOM is read, and other encodings give a one-line error") {
+TEST_CASE(
+    "a radar cfg in UTF-8 with a BOM is read, and a CR without an LF gives a one-line error") {
   CHECK(parse_profile("\xef\xbb\xbf" + stock, "x.cfg").refusals.empty());
   CHECK(parse_profile("\xef\xbb\xbf" + stock.substr(13), "x.cfg").refusals.empty());
-  std::string other = stock, wide;
+  std::string other = stock;
   std::erase(other, '\r');
   CHECK(parse_profile(other, "x.cfg").refusals.empty());
-  for (const char c : other) (wide += c) += '\0';
-  CHECK(refusal("\xff\xfe" + wide) ==
-        "x.cfg: is UTF-16 or not a text file; save it as UTF-8 or ASCII");
   std::ranges::replace(other, '\n', '\r');
   const std::string ends =
       ": has a carriage return without a line feed; expected lines that end in LF or CR LF";
