@@ -204,6 +204,10 @@ std::string import_folder(Config config, const ImportOptions& options) {
   const std::string& folder = options.files[0];
   const bool kept = is_kept(folder);
   if (!options.cfg.empty()) throw Error(ExitCode::usage, "--cfg cannot be used with a folder");
+  if (!kept && !fs::exists(fs::path(folder) / "run.toml"))
+    throw Error(ExitCode::failed, printable(folder) +
+                                      ": contains neither run.toml (arrays) nor "
+                                      "run.times (raw capture)");
   if (kept && !options.began.empty())
     throw Error(ExitCode::usage,
                 "--began cannot be used with raw captures, because they contain the start time");

@@ -193,10 +193,10 @@ LiveRun read_live_run(const std::string& folder) {
 bool is_kept(const std::string& folder) { return fs::exists(fs::path(folder) / "run.times"); }
 
 Config kept_config(const std::string& folder, const std::vector<std::string>& assignments) {
-  std::vector<std::string> all{"run.folder="};
-  for (const auto& [key, file] :
-       {std::pair{"radar.cfg=", "radar.cfg"}, std::pair{"run.calibration=", "calibration.toml"}})
-    all.push_back(key + std::string(fs::exists(fs::path(folder) / file) ? file : ""));
+  const bool calibrated = fs::exists(fs::path(folder) / "calibration.toml");
+  std::vector<std::string> all{
+      "run.folder=", "radar.cfg=radar.cfg",
+      std::string("run.calibration=") + (calibrated ? "calibration.toml" : "")};
   all.insert(all.end(), assignments.begin(), assignments.end());
   return load_config(folder + "/lab.toml", all);
 }
@@ -219,6 +219,10 @@ std::string import_kept(Config config, const std::string& folder, const std::str
   attach(config.radar.cli, "radar-cli", ".txt");
   attach(config.radar.data, "radar", ".dat");
   attach(config.depth.address, "depth", ".blocks");
+  if (config.radar.cli.empty() != config.radar.data.empty())
+    throw Error(ExitCode::failed, printable(folder) +
+                                      ": contains only one of radar.times and "
+                                      "radar-cli.times; the capture is incomplete");
   if (streams.empty())
     throw Error(ExitCode::failed, printable(folder) + ": contains no data of a configured device");
   refuse_bad_target(out);

@@ -368,6 +368,7 @@ TEST_CASE("import refuses an invalid recording with a one-line message") {
   refuses("lab.toml", 2, "expected NAME.dat (radar), NAME.ptu or one folder");
   refuses("nowhere", 2, "nowhere: no such file or folder");
   echofuse::test::fs::create_directory(folder / "kept");
+  refuses("kept", 1, "kept: contains neither run.toml (arrays) nor run.times (raw capture)");
   refuses("kept --cfg " + folder / "radar.cfg", 2, "--cfg cannot be used with a folder");
   write_file(folder / "kept/run.times", "");
   refuses("kept --began 2026-11-26", 2, "--began cannot be used with raw captures");

@@ -179,6 +179,10 @@ TEST_CASE("a raw capture that has no slot, has missing bytes or has damaged time
     text = "1000000000 open\n";
     why = "tags.times: expected TIME WHAT VALUE, found \"1000000000 open\"";
   }
+  SECTION("a raw capture without the radar's data port is refused") {
+    std::filesystem::remove(run.keep_raw + "/radar.times");
+    why = "contains only one of radar.times and radar-cli.times";
+  }
   SECTION("a raw capture that has no complete slot is refused") {
     name = "run.times", why = "run.times: the raw capture has no complete slot";
   }
