@@ -273,6 +273,8 @@ ExitCode calibrate_sensors(Options& o) {
 ExitCode annotate(const Options& o) {
   if (o.text.has_value() == o.label.has_value())
     throw Error(ExitCode::usage, "expected either TEXT or --label TEXT");
+  if (o.text && o.text->find_first_not_of(" \t\r\n") == std::string::npos)
+    throw Error(ExitCode::usage, "the note is empty");
   const std::string file = record::old_run(o.file);
   record::recover(file);
   std::printf("%s\n", printable_lines(annotate_run(file, o.text, o.label)).c_str());

@@ -283,6 +283,7 @@ TEST_CASE("commands find a run by its file name or by the name given to --out") 
   CHECK(has(acquire("annotate " + folder / "m1" + " door").text, "m1.sqlite: \"door\" noted\n"));
   refuses("annotate " + folder / "m1" + " --label door", 1, "m1.sqlite: run is not being recorded");
   refuses("annotate " + folder / "m1", 2, "expected either TEXT or --label");
+  refuses("annotate " + folder / "m1" + " ' '", 2, "the note is empty");
   refuses("annotate " + folder / "m2" + " door", 1, "m2.sqlite: ");
 }
 
