@@ -108,6 +108,16 @@ struct FusedRecord {
   bool has(Sensor s) const { return valid.contains(s); }
   // Returns "ok", the word of a doubtful verdict, or "no data".
   std::string state(Sensor s) const { return state_of(has(s), sync[s].verdict); }
+  // Returns the number of clicks per laser pulse. Imported runs do not store it, so it is computed
+  // from the counts. Returns 0 (unknown) if there are at least 0.95 clicks per start signal,
+  // because the time tagger has then filtered out the start signals without a click.
+  double clicks_per_pulse() const {
+    constexpr double filtered = 0.95;
+    if (signal.clicks_per_pulse) return *signal.clicks_per_pulse;
+    const auto clicks = static_cast<double>(spd_counts.in_range + spd_counts.out_of_range);
+    const auto starts = static_cast<double>(spd_counts.starts);
+    return clicks < filtered * starts ? clicks / starts : 0;
+  }
   void accept(Sensor s) { valid.insert(s), sync[s].verdict = ok_verdict; }
 };
 

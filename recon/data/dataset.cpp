@@ -108,7 +108,7 @@ class Appender {
   // Appends one record. Returns why the record is invalid, or an empty string if it was added.
   std::string add(const record::FusedRecord& r) {
     if (const std::string fault = absurd_counts(r); !fault.empty()) return fault;
-    double a_pulse = clicks_per_pulse(r);
+    double a_pulse = r.clicks_per_pulse();
     const std::vector<float> spd = photons(r, a_pulse);
     std::vector<float> radar;
     if (r.has(Sensor::radar)) radar = r.radar;
@@ -176,16 +176,6 @@ class Appender {
   // Returns true if the value is a valid power. The limit is below the largest float, so that
   // interpolation cannot overflow.
   static bool is_power(float v) { return std::abs(v) < 1e38f; }
-  // Returns the recorded clicks per laser pulse. Imported runs do not contain this value, so it is
-  // computed from the counts. Returns 0 (unknown) if there are at least 0.95 clicks per start
-  // signal, because the time tagger has then filtered out the start signals without a click.
-  static double clicks_per_pulse(const record::FusedRecord& r) {
-    constexpr double filtered = 0.95;
-    if (r.signal.clicks_per_pulse) return *r.signal.clicks_per_pulse;
-    const auto clicks = static_cast<double>(r.spd_counts.in_range + r.spd_counts.out_of_range);
-    const auto starts = static_cast<double>(r.spd_counts.starts);
-    return clicks < filtered * starts ? clicks / starts : 0;
-  }
   void adopt(Column& column, ColumnAxis& found, const char* name) {
     found.name = name;
     if (data_.sources.empty()) {

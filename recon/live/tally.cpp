@@ -36,12 +36,15 @@ void Tally::add(const record::FusedRecord& r, const std::vector<Axis>& axes, int
     for (std::size_t i = 0; i < clicks.size(); ++i) clicks_[i] += sign * double{clicks[i]};
     const TagCounts& c = r.spd_counts;
     const auto placed = static_cast<double>(c.in_range + c.out_of_range);
-    const double a_pulse = r.signal.clicks_per_pulse.value_or(0);
+    const double a_pulse = r.clicks_per_pulse();
     spd_records_ += sign;
     slots_s_ += sign * seconds(r.slot_end - r.slot_start);
     all_clicks_ += sign * (placed + static_cast<double>(c.without_start));
     starts_ += sign * static_cast<double>(c.starts);
-    pulses_ += sign * (a_pulse > 0 ? placed / a_pulse : static_cast<double>(c.starts));
+    if (a_pulse > 0 || placed == 0)
+      pulses_ += sign * (a_pulse > 0 ? placed / a_pulse : static_cast<double>(c.starts));
+    else
+      unknown_pulses_ += sign;
   }
   if (!r.has(Sensor::radar)) return;
   power_.resize(r.radar.size());
@@ -62,7 +65,7 @@ Json Tally::rates(const Axis& axis, double laser_hz) const {
   const std::size_t bins = bins_before_return(clicks_);
   double dark = 0;
   for (std::size_t i = 0; i < bins; ++i) dark += clicks_[i];
-  const double pulses = laser_hz > 0 ? laser_hz * slots_s_ : pulses_;
+  const double pulses = laser_hz > 0 ? laser_hz * slots_s_ : unknown_pulses_ > 0 ? 0 : pulses_;
   const double looked_s = pulses * static_cast<double>(bins) * axis.step * 1e-12;
   return {{"sync_hz", starts_ > 0 ? number(starts_ / slots_s_) : Json()},
           {"pulse_hz", pulses > 0 ? number(pulses / slots_s_) : Json()},

@@ -27,8 +27,9 @@ class Tally {
   // number of records with SPD data, "fits": {spd, radar: {centre_m, error_m, fwhm_m}}}. Unknown
   // values are null. sync_hz: received sync signals per second. pulse_hz: laser pulses per second,
   // which exceed sync_hz if the tagger has a conditional filter; equal to `laser_hz`, or estimated
-  // if `laser_hz` is 0. dark_hz: number of clicks in the bins before the first return, divided by
-  // the total time for which these bins were open.
+  // if `laser_hz` is 0; unknown if any record has too few clicks for the estimate. dark_hz: number
+  // of clicks in the bins before the first return, divided by the total time for which these bins
+  // were open.
   nlohmann::json numbers(const std::vector<Axis>& axes, double laser_hz = 0,
                          const FitRange& range = {}) const;
 
@@ -36,6 +37,7 @@ class Tally {
   nlohmann::json rates(const Axis& axis, double laser_hz) const;
   std::vector<double> clicks_, power_;
   double spd_records_ = 0, radar_records_ = 0;
+  double unknown_pulses_ = 0;  // number of SPD records with an unknown number of laser pulses
   // Sums over all records that contain SPD data: slots_s_ in s, the others are counts.
   double slots_s_ = 0, starts_ = 0, all_clicks_ = 0, pulses_ = 0;
 };

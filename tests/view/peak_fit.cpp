@@ -100,6 +100,17 @@ TEST_CASE("the dark count rate is estimated from the clicks before the first ret
   CHECK(numbers["rates"]["clicks_per_pulse"] == Approx(all / 1e6));
   CHECK(numbers["rates"]["dark_hz"].get<double>() == Approx(25 / (1e6 * 100e-12)).epsilon(0.1));
 
+  // If a filter passes only the sync tags of clicks, and the laser rate is unknown, so is the
+  // number of clicks per pulse. It would otherwise seem to be 1 (pile-up).
+  record::FusedRecord weak = r;
+  weak.spd_counts.starts = weak.spd_counts.in_range;
+  Tally dim;
+  dim.add(weak, axes);
+  for (const char* unknown : {"pulse_hz", "dark_hz", "clicks_per_pulse"})
+    CHECK(dim.numbers(axes)["rates"][unknown].is_null());
+  dim.add(r, axes), dim.add(weak, axes, -1);
+  CHECK(dim.numbers(axes)["rates"]["clicks_per_pulse"] == numbers["rates"]["clicks_per_pulse"]);
+
   // After a record is removed from the tally, the sum of the other records must remain.
   record::FusedRecord other = r;
   counts(other).assign(bins, 7);
