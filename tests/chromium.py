@@ -26,6 +26,8 @@ def start():
 
 
 def resize(browser, width, height):
+    """Sets the size of the window. Widths below 600 emulate a phone with a touch screen."""
+    browser.execute_cdp_cmd("Emulation.setTouchEmulationEnabled", {"enabled": width < 600})
     browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", {
         "width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 600})
     drawn(browser)

@@ -102,7 +102,7 @@ Message RunMessages::about_run(bool may_write) {
            {"axes", axes},
            {"facts", facts()},
            {"trigger", trigger_levels()},
-           {"most_clicks_per_pulse", settings().max_clicks_per_pulse},
+           {"max_clicks_per_pulse", settings().max_clicks_per_pulse},
            {"baseline_m", record::radar_mounting_of(info.meta).baseline_m},
            {"map", {{"size", grid.size}, {"half_tangent", grid.half_tangent}}},
            {"model", model_ ? Json(model_->name()) : Json()},

@@ -348,7 +348,7 @@ class Clocks extends Chart {
     super('strip-clock', 104);
   }
   options() {
-    const line = sensor => ({stroke: colour(`--${sensor}`), width: 2, points: {show: false}});
+    const line = sensor => ({stroke: colour(`--${sensor}`), width: 2, dash: sensor === 'depth' ? [4, 2] : [], points: {show: false}});
     return {
       scales: {x: {time: false}, y: fromZero},
       axes: [axis('time', times), axis('', endsOnly)],

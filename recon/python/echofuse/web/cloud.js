@@ -52,7 +52,7 @@ class Cloud {
     this.program = program(this.gl);
     this.labels = [2, 3, 4, 5].map(z => {
       const at = document.createElement('span');
-      at.textContent = `${z} m`;
+      at.textContent = `${z} m`, at.hidden = true;
       this.box.append(at);
       return {at, z};
     });

@@ -15,6 +15,9 @@ function decode(buffer) {
   return message;
 }
 
+// Returns the words for the status of a run, e.g. "stopped: disk full".
+const statusWord = status => ({open: 'recording', 'stopped:disk': 'stopped: disk full', 'stopped:failed': 'stopped: failure', 'stopped:interrupted': 'stopped: interrupted'}[status] ?? status);
+
 // Returns why a request was refused: the text sent by the viewer, or the status line if another web server answered.
 const refusal = async answer => answer.headers.get('content-type')?.startsWith('text/plain')
   ? (await answer.text()).trim() : `${answer.status} ${answer.statusText}, reported by a web server in front of the viewer`;

@@ -78,6 +78,8 @@ function fill(canvas, image) {
 const above = 8;
 const roomOf = size => ({left: 3.9 * size, bottom: 2.8 * size, bar: 28 + 4.4 * size});
 
+const writeLines = (c, text, x, y, width) => text.split('; ').forEach((line, i) => c.fillText(line, x, y + 1.3 * i * textSize(), width));
+
 class MapView {
   // id: id of the canvas; kind: key of `tables`, which defines the colours.
   constructor(id, kind = 'near') {
@@ -143,7 +145,7 @@ class MapView {
       c.fillRect(left, above, inner, high);
       c.fillStyle = colour('--ink');
       c.textAlign = 'center';
-      c.fillText(this.why || 'no data', left + inner / 2, above + high / 2, inner);
+      writeLines(c, this.why || 'no data', left + inner / 2, above + high / 2, inner);
       return;
     }
     c.imageSmoothingEnabled = false;
@@ -153,7 +155,7 @@ class MapView {
     c.globalAlpha = 1;
     if (this.why) {
       c.textAlign = 'center';
-      c.fillText(this.why, left + inner / 2, above + 1.6 * size, inner);
+      writeLines(c, this.why, left + inner / 2, above + 1.6 * size, inner);
     }
     this.ticks(c, inner, high, left, size);
     this.bar(c, left + inner + 12, high, size);

@@ -22,7 +22,7 @@ class Plan {
   }
   draw() {
     const {beams, axis, baseline, track, halfTangent, label} = this.shown, {canvas} = this, ratio = devicePixelRatio, size = textSize();
-    const farthest = Math.min(beams ? axis.start + axis.count * axis.step : 6, 8), half = farthest * Math.max(halfTangent, 0.5);
+    const farthest = Math.min(axis ? axis.start + axis.count * axis.step : 6, 8), half = farthest * Math.max(halfTangent, 0.5);
     const width = Math.max(canvas.parentElement.clientWidth, 100), scale = Math.min((width - 2 * size) / (2 * half), 460 / farthest);
     const height = farthest * scale + 3.4 * size;
     canvas.width = width * ratio, canvas.height = height * ratio;
@@ -70,7 +70,8 @@ class Plan {
       c.fillStyle = colour('--card'), c.globalAlpha = 0.8, c.fillRect(x - wide / 2, y - size, wide, 1.25 * size);
       c.globalAlpha = 1, c.fillStyle = colour('--ink'), c.fillText(words, x, y);
     };
-    for (let r = 1; r < farthest; ++r) word(`${r} m`, ...at(0, r).map((v, i) => i ? v + size / 3 : v));
+    // The distances are at the side, because the body is usually in the middle.
+    for (let r = 1; r < farthest; ++r) word(`${r} m`, ...at(0.56 * r, 0.83 * r).map((v, i) => i ? v + size / 3 : v));
     for (const degrees of [-20, 20]) {
       const angle = degrees * Math.PI / 180, r = 0.93 * farthest / Math.cos(angle);
       word(`${degrees}°`, ...at(r * Math.sin(angle), r * Math.cos(angle)));

@@ -31,7 +31,7 @@ function card(run, span) {
     add('p', run.fault ?? 'reading', run.fault ? 'doubts' : 'quiet');
   } else {
     const labels = labelsOf(run), shown = labels.slice(0, 4).join(', ');
-    add('p', run.status === 'open' ? 'recording' : run.status, 'status');
+    add('p', statusWord(run.status), 'status');
     words.lastChild.dataset.status = run.status.split(':')[0];
     add('p', `${run.started_utc.slice(0, 16).replace('T', ' ')} UTC, ${clock(run.length_s)}, ${run.records} records`, 'quiet');
     add('p', shown + (labels.length > 4 ? ` and ${labels.length - 4} more` : ''));
@@ -40,9 +40,9 @@ function card(run, span) {
   at.append(thumbnail(run, span), words);
   return at;
 }
-// Compares two runs in the chosen order. The number of doubtful records begins the verdict.
+// Compares two runs in the chosen order.
 function order(a, b) {
-  const key = $('sort').value, value = run => key === 'doubtful' ? parseInt(run.verdict) || 0 : run[key] ?? '';
+  const key = $('sort').value, value = run => run[key] ?? '';
   const [x, y] = key === 'name' ? [value(b), value(a)] : [value(a), value(b)];
   return x < y ? 1 : x > y ? -1 : 0;
 }
@@ -51,7 +51,9 @@ function draw() {
   const words = $('search').value.toLowerCase().split(/\s+/), cards = runs.sort(order).map(run => card(run, span));
   const found = cards.filter(at => words.every(word => at.textContent.toLowerCase().includes(word)));
   $('about').textContent = !runs.length ? 'no runs in this folder yet' : found.length < runs.length ? `${found.length} of ${runs.length}` : `${runs.length}`;
+  const focused = document.activeElement.href;
   $('runs-list').replaceChildren(...found);
+  if (focused) found.find(at => at.href === focused)?.focus();
 }
 // Requests the list of runs every 5 s, or every 0.1 s until all runs have been read. Redraws only if the list has
 // changed, so that cards do not move while the user clicks.

@@ -29,7 +29,8 @@ const setText = (id, text) => {
 };
 
 const faultOf = made => made.fault.replace(/\bspd\b/, names.spd);
-const rate = (n, name) => `${n < 10 ? +n.toPrecision(2) : count(Math.round(n))} ${name === 'spd' ? 'clicks' : 'frames'}/s`;
+const unitOf = (name, n) => name === 'spd' ? 'clicks' : n === 1 ? 'frame' : 'frames';
+const rate = (n, name) => `${n < 10 ? +n.toPrecision(2) : count(Math.round(n))} ${unitOf(name)}/s`;
 
 const doubtsOf = shown => sensors.filter(name => shown.sensors[name].doubtful)
   .map(name => `${names[name]}: ${shown.sensors[name].verdict}`);
@@ -59,14 +60,16 @@ function drawLamps() {
     if (over && !shown) {  // shows the verdict on the whole run
       light(name, !configured ? ['off', 'OFF'] : !worst ? ['ok', 'OK'] : worst.valid ? ['look', 'CHECK'] : ['bad', 'LOST'],
             !configured ? 'not configured' : worst ? `${worst.word} in ${worst.records} of ${state.records} records` : `good in all ${state.records} records`,
-            worst ? `last: ${worst.index}, ${timeOf(worst.utc)} UTC` : '');
+            worst ? `last at ${timeOf(worst.utc)} UTC, record ${worst.index}` : '');
       continue;
     }
-    const sensor = shown ? {...state.sensors[name], ...shown, arrived: null} : state.sensors[name];
+    const sensor = {...state.sensors[name], ...shown};
     const lamp = !reached() ? ['off', '?'] : lampOf(sensor, shown);
     if (lamp[1] === 'LOST') lost.push(name);
     if (lamp[1] === 'CHECK') look.push(name);
-    light(name, lamp, !reached() ? 'no connection' : !sensor.configured ? 'not configured' : sensor.verdict !== 'ok' ? sensor.verdict
+    light(name, lamp, !reached() ? 'no connection' : !sensor.configured ? 'not configured'
+            : lamp[1] === 'LOST' && sensor.valid ? 'no new record' : sensor.verdict !== 'ok' ? sensor.verdict
+            : shown ? `${count(sensor.used)} ${unitOf(name, sensor.used)}`
             : sensor.arrived > sensor.used ? `${rate(sensor.arrived / run.window_s, name)}, ${sensor.used} used` : rate(sensor.used / run.window_s, name),
           !sensor.configured ? '' : shown ? `in record ${record.index}` : sensor.age_s == null ? 'no data yet' : `last data ${age(sensor.age_s + old)}`);
   }
@@ -77,18 +80,20 @@ function drawLamps() {
 // Shows the number of doubtful records and the time of the last one. The user can acknowledge them; the line is then
 // quiet until another record is doubtful.
 const known = () => `acknowledged ${run.uuid}`;
+// A browser that blocks cookies also blocks localStorage.
+const storage = (() => { try { return localStorage; } catch { return {}; } })();
 function drawDoubts() {
-  const {doubtful, doubts, last_doubt: last} = state, quiet = doubtful <= +localStorage.getItem(known());
-  setText('doubts-text', [state.status === 'open' ? '' : `${endOf(state)}, ${state.records} records`, doubts || 'no record is doubtful',
-                          last && `last at ${timeOf(last.utc)} UTC, record ${last.index}`, quiet && doubtful && 'acknowledged'].filter(Boolean).join('; '));
+  const {doubtful, doubts, last_doubt: last} = state, quiet = !file && doubtful <= +storage[known()];
+  setText('doubts-text', !last ? 'no record is doubtful'
+    : doubts.replace(':', `, last at ${timeOf(last.utc)} UTC (record ${last.index})${quiet ? ', acknowledged' : ''}:`));
   $('doubts').title = $('doubts-text').textContent;
   $('doubts').hidden = false, $('doubts').dataset.none = !doubtful || quiet;
   $('acknowledge').hidden = !doubtful || quiet || file;
 }
-const timeOf = utc => utc.slice(11, 19);
+// Omits the date of times on the day of the newest message.
+const timeOf = (utc, end = 19) => utc.slice(state?.utc.startsWith(utc.slice(0, 10)) ? 11 : 0, end).replace('T', ' ');
 // Returns e.g. "stopped: disk full at 03:12:05 UTC".
-const statusWords = {'stopped:disk': 'stopped: disk full', 'stopped:failed': 'stopped: failure', 'stopped:interrupted': 'stopped: interrupted'};
-const endOf = ({status, ended_utc: ended}) => (statusWords[status] ?? status) + (ended ? ` at ${timeOf(ended)} UTC` : '');
+const endOf = ({status, ended_utc: ended}) => statusWord(status) + (ended ? ` at ${timeOf(ended)} UTC` : '');
 // Shows the most serious state of the run and its sensors.
 function drawStatus(lost, look) {
   const of = list => list.map(name => names[name]).join(', ');
@@ -103,12 +108,13 @@ function drawStatus(lost, look) {
 function drawMapsLamp() {
   $('lamp-maps').hidden = !run.model;
   const made = record?.reconstruction;
+  if (!reached()) return light('maps', ['off', '?'], 'no connection', '');
   if (!made) return light('maps', ['off', '–'], run.model ? 'none yet' : '', '');
-  const met = made.iou == null ? '' : `camera: IoU ${made.iou.toFixed(2)}` +
-    (made.lateral_error_m == null ? '' : `, ${(made.lateral_error_m * 100).toFixed(0)}\u00a0cm lateral error`);
+  const met = made.iou == null ? '' : `IoU ${made.iou.toFixed(2)}` +
+    (made.lateral_error_m == null ? '' : `, lateral error ${(made.lateral_error_m * 100).toFixed(0)}\u00a0cm`);
   const why = faultOf(made) || [...doubtsOf(record), made.note, state?.doubt && 'run differs from the training data'].filter(Boolean).join('; ');
   light('maps', made.fault ? ['bad', 'NONE'] : made.seen ? ['look', 'TRAINED ON THIS RECORD'] : !run.calibrated ? ['look', 'NOT CALIBRATED'] : why ? ['look', 'DOUBT'] : ['ok', 'OK'],
-        [why, made.x_m == null ? '' : `x\u00a0${made.x_m.toFixed(2)}\u00a0m` + (made.lateral_interval_90_m == null ? '' :
+        [why, made.x_m == null ? made.fault ? '' : 'no body in the reconstruction' : `x\u00a0${made.x_m.toFixed(2)}\u00a0m` + (made.lateral_interval_90_m == null ? '' :
           ` ±${(made.lateral_interval_90_m * 100).toFixed(0)}\u00a0cm (90\u00a0%)`) + `, z\u00a0${made.z_m.toFixed(2)}\u00a0m`].filter(Boolean).join('; '), met);
 }
 
@@ -126,7 +132,7 @@ function drawNumbers() {
   document.title = `${s.status === 'open' ? '● ' : ''}${run?.file ?? ''} ${s.records} – echofuse`;
   $('losses').replaceChildren(...sensors.map(name => {
     const row = document.createElement('tr'), x = s.sensors[name];
-    const cells = [names[name], `${count(x.used)} ${name === 'spd' ? 'clicks' : x.used === 1 ? 'frame' : 'frames'}`, count(x.missing), count(x.lost), count(x.late),
+    const cells = [names[name], `${count(x.used)} ${unitOf(name, x.used)}`, count(x.missing), count(x.lost), count(x.late),
                    x.residual_s == null ? '–' : shortTime(x.residual_s)];
     cells.forEach((text, i) => {
       const cell = document.createElement(i ? 'td' : 'th');
@@ -141,7 +147,7 @@ function drawNumbers() {
   const items = s.events.slice(-40).reverse().map(e => {
     const item = document.createElement('li'), when = document.createElement('time');
     item.className = e.level;
-    when.textContent = e.utc.slice(11, 19);
+    when.textContent = timeOf(e.utc);
     item.append(when, ` ${['info', 'mark', 'note'].includes(e.level) ? '' : '⚠ '}${names[e.source] ?? e.source}: ${e.text}`);
     return item;
   });
@@ -188,7 +194,7 @@ function drawRecord() {
   const points = cloudOf === 'reconstruction' && a.reconstruction ? a.reconstruction : a.map;
   if (points || !live) cloud.set(points, cloudOf === 'reconstruction' && made ? made.half_tangent : grid, span);
   // Lists the verdicts if the display is held at this record. In live mode, the status indicators show the verdicts.
-  setText('shown', $('shown').title = [`record ${record.index}${live ? ' (newest)' : ''}`, `${record.utc.slice(11, 21)} UTC`, record.label, ...(live ? [] : ['held', ...doubtsOf(record)])].filter(Boolean).join(', '));
+  setText('shown', $('shown').title = [`record ${record.index}${live ? ' (newest)' : ''}`, `${timeOf(record.utc, 21)} UTC`, record.label, ...(live ? [] : ['held', ...doubtsOf(record)])].filter(Boolean).join(', '));
   $('scrubber').setAttribute('aria-valuetext', $('shown').title);
   sheet.point(record.index);
 }
@@ -203,7 +209,7 @@ function drawPlan() {
              halfTangent: made?.half_tangent ?? run.map.half_tangent, label: run.axes.radar ? 'radar' : ''});
   setText('plan-of', [hasBeams && 'Power received by the antennas (30 dB)', track && 'positions of the body in the last minute', !run.baseline_m && run.axes.radar && 'baseline unknown, so the radar is drawn at the detector'].filter(Boolean).join('; '));
   const interval = made?.lateral_interval_90_m;
-  setText('place', !made ? '' : made.x_m == null ? 'no body in the reconstruction'
+  setText('place', !made || made.fault ? '' : made.x_m == null ? 'no body in the reconstruction'
     : `body at x ${made.x_m.toFixed(2)} m${interval == null ? '' : ` ± ${interval.toFixed(2)} m (90 %)`}, z ${made.z_m.toFixed(2)} m, azimuth ${(Math.atan2(made.x_m, made.z_m) * 180 / Math.PI).toFixed(1)}°`);
 }
 
@@ -219,12 +225,12 @@ function drawMeasured({arrays, rates, fits, spd_records: records}, lacks) {
   takeFits(fits);
   histogram.take(arrays.spd ?? null, lacks.spd, live);
   profile.take(arrays.radar ?? null, lacks.radar, live);
-  const hertz = v => v == null ? '–' : `${siNumber(v)}/s`, most = run.most_clicks_per_pulse, crowded = most > 0 && rates?.clicks_per_pulse > most;
+  const hertz = v => v == null ? '–' : `${siNumber(v)}/s`, most = run.max_clicks_per_pulse, crowded = most > 0 && rates?.clicks_per_pulse > most;
   setText('sync-rate', hertz(rates?.sync_hz)), setText('click-rate', hertz(rates?.click_hz)), setText('dark-rate', hertz(rates?.dark_hz));
   setText('sync-name', rates?.sync_hz < 0.5 * rates?.pulse_hz ? 'filtered sync' : 'laser sync');
   setText('pulse-rate', rates?.clicks_per_pulse == null ? '–' : `${+rates.clicks_per_pulse.toPrecision(2)}`);
   $('box-pulse').classList.toggle('bad', crowded), $('pile-up').hidden = !crowded;
-  if (crowded) setText('pile-up', `Pile-up: the first photon of a pulse hides later ones. Reduce the light to at most ${most} clicks per pulse.`);
+  if (crowded) setText('pile-up', `Pile-up. Reduce the light to at most ${most} clicks per pulse.`);
 }
 // Requests a new sum when the number of records or the range of the peak fit changes.
 function askSum() {
@@ -265,7 +271,8 @@ const take = {
     trouble('');
   },
   state(message) {
-    const first = !state;
+    const first = !state, ends = state?.status === 'open' && message.status !== 'open', camera = message.sensors.depth.configured;
+    if (document.body.classList.toggle('no-camera', !camera)) cloudOf = 'reconstruction';
     state = message, received = performance.now(), wasLive ||= state.status === 'open';
     if (first && /^#\d+$/.test(location.hash)) show(+location.hash.slice(1));
     const scrubber = $('scrubber');
@@ -273,7 +280,7 @@ const take = {
       scrubber.min = state.first_index, scrubber.max = state.last_index;
       if (live) scrubber.value = state.last_index;
       else if (wanted != null) scrubber.value = wanted;
-      if (sheetAt < 0 || state.last_index > sheetAt + (spanKnown ? (sheetAt - state.first_index) / 8 + 3 : 0)) collect();
+      if (sheetAt < 0 || ends || state.last_index > sheetAt + (spanKnown ? (sheetAt - state.first_index) / 8 + 3 : 0)) collect();
     }
     drawNumbers();
     drawLamps();
@@ -466,7 +473,7 @@ $('sum').addEventListener('change', askSum);
 $('scrubber').addEventListener('input', e => show(+e.target.value));
 document.addEventListener('keydown', e => {
   if (e.ctrlKey || e.altKey || e.metaKey || document.querySelector('dialog[open]')) return;
-  if (e.key === ' ' && e.target.tagName === 'BUTTON' || e.target.tagName === 'SELECT') return;
+  if (e.key === ' ' && ['BUTTON', 'SUMMARY'].includes(e.target.tagName) || e.target.tagName === 'SELECT') return;
   const action = actions[e.key];
   if (!action) return;
   e.preventDefault();
@@ -487,7 +494,7 @@ addEventListener('afterprint', () => {
   redraw();
 });
 document.body.classList.toggle('saved', file);
-$('acknowledge').addEventListener('click', () => (localStorage.setItem(known(), state.doubtful), drawDoubts()));
+$('acknowledge').addEventListener('click', () => (storage[known()] = state.doubtful, drawDoubts()));
 addEventListener('hashchange', () => /^#\d+$/.test(location.hash) && (show(+location.hash.slice(1)), $('bar').scrollIntoView()));
 setInterval(() => {
   drawLamps();
