@@ -14,8 +14,11 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr double reach_cells = 3;
-constexpr std::ptrdiff_t max_reach = 48;  // maximum half-length of the filter, in points
+// Half-length of the filter: at least 3 range cells, and the distance from the peak at which the
+// power of either response last exceeds 1 % of the peak. A phase ripple of the sweep causes such
+// distant echoes. A longer filter for all responses would only amplify noise (recon/RESULTS.md).
+constexpr double min_reach_cells = 3, min_power = 0.01;
+constexpr std::ptrdiff_t max_reach = 48;  // points
 // Limit of the ratio between the response width of a run and that of the model. If the ratio is
 // smaller, a model trained for any response uses the run without conversion. In tests with a
 // digital twin, the reference was the response of a Blackman window. At a ratio of .67, the IoU was
@@ -92,6 +95,14 @@ void for_each_of_radar(Data& data, Change change) {
     if (column.sensor == Sensor::radar && column.cols > 0) change(column);
 }
 
+double extent_m(const record::RadarResponse& response) {
+  const auto peak = static_cast<double>(response.peak());
+  double taps = 0;
+  for (std::size_t i = 0; i < response.taps.size(); ++i)
+    if (response.taps[i] > min_power) taps = std::max(taps, std::abs(static_cast<double>(i) - peak));
+  return taps / record::RadarResponse::taps_a_cell * response.cell_m;
+}
+
 double noise_factor_of(const std::vector<double>& weights) {
   return std::sqrt(std::inner_product(weights.begin(), weights.end(), weights.begin(), 0.));
 }
@@ -102,8 +113,10 @@ std::vector<double> response_filter(const record::RadarResponse& own,
                                     const record::RadarResponse& expected, double step_m) {
   using Eigen::Index, Eigen::MatrixXd, Eigen::VectorXd;
   const double cell_m = std::max(own.cell_m, expected.cell_m);
+  const double reach_m =
+      std::max({min_reach_cells * cell_m, extent_m(own), extent_m(expected)});
   const auto reach = std::clamp<std::ptrdiff_t>(
-      static_cast<std::ptrdiff_t>(std::ceil(reach_cells * cell_m / step_m)), 1, max_reach);
+      static_cast<std::ptrdiff_t>(std::ceil(reach_m / step_m)), 1, max_reach);
   const Index count = 2 * reach + 1, places = 2 * parts * 2 * reach + 1;
   MatrixXd responses(places, count);
   VectorXd target(places);

@@ -13,7 +13,8 @@ __all__ = ["Response", "filter_between", "filtered", "stated_in"]
 
 TAPS_PER_CELL = 4  # same value as in acquire/measurement/response.hpp
 # same values as in recon/data/response_conversion.cpp
-REACH_CELLS, MAX_REACH, PARTS, NOISE_TO_SIGNAL, MUCH_NARROWER = 3, 48, 8, 1e-3, .75
+MIN_REACH_CELLS, MIN_POWER, MAX_REACH = 3, .01, 48
+PARTS, NOISE_TO_SIGNAL, MUCH_NARROWER = 8, 1e-3, .75
 
 
 @dataclass(frozen=True)
@@ -24,10 +25,19 @@ class Response:
     # relative power towards larger ranges; the response is symmetric if the first tap is the peak
     taps: tuple[float, ...]
 
+    def peak(self) -> int:
+        """Returns the index of the tap at the peak; 0 for a symmetric response."""
+        return 0 if abs(self.taps[0] - 1) < 1e-3 else int(np.argmax(self.taps))
+
+    def extent_m(self) -> float:
+        """Returns the distance from the peak at which the power last exceeds 1 % of the peak, m."""
+        high = np.flatnonzero(np.array(self.taps) > MIN_POWER)
+        return float(abs(high - self.peak()).max() / TAPS_PER_CELL * self.cell_m)
+
     def power(self, distance_m: NDArray[np.float64]) -> NDArray[np.float64]:
         """Returns the power at a signed distance from the peak (Catmull-Rom spline of the
         amplitude)."""
-        peak = 0 if abs(self.taps[0] - 1) < 1e-3 else int(np.argmax(self.taps))
+        peak = self.peak()
         both = self.taps if peak else (*self.taps[:0:-1], *self.taps)
         peak = peak or len(self.taps) - 1
         root = np.sqrt(np.array([0, 0, *both, 0, 0]))
@@ -62,8 +72,9 @@ def stated_in(meta: Mapping[str, str]) -> Response | None:
 def filter_between(own: Response, target: Response, step_m: float) -> NDArray[np.float64]:
     """Returns the weights [2 reach + 1] of a filter that converts profiles with the response `own`
     to the response `target` (regularised least squares)."""
-    reach = int(np.clip(np.ceil(REACH_CELLS * max(own.cell_m, target.cell_m) / step_m), 1,
-                        MAX_REACH))
+    reach_m = max(MIN_REACH_CELLS * max(own.cell_m, target.cell_m), own.extent_m(),
+                  target.extent_m())
+    reach = int(np.clip(np.ceil(reach_m / step_m), 1, MAX_REACH))
     at_m = np.arange(-2 * PARTS * reach, 2 * PARTS * reach + 1) / PARTS * step_m
     responses = own.power(np.arange(-reach, reach + 1) * step_m - at_m[:, None])
     square = responses.T @ responses / PARTS + NOISE_TO_SIGNAL * np.eye(2 * reach + 1)
