@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <array>
-#include <sstream>
 
 #include "acquire/config/config.hpp"
 #include "acquire/measurement/radar_array.hpp"
@@ -75,15 +74,13 @@ std::string text_of(const std::vector<double>& values) {
   return out;
 }
 
-// Parses 1 to 12 numbers, each between `minimum` and `maximum`. Returns an empty list if the string
-// is invalid.
+// Parses 1 to 12 numbers, each between `minimum` and `maximum`. Returns an empty list if the string is
+// invalid.
 std::vector<double> values_of(const std::string& text, double minimum, double maximum) {
-  std::vector<double> out;
-  std::istringstream words(text);
-  words.imbue(std::locale::classic());
-  for (double v = 0; words >> v; out.push_back(v))
-    if (!(v >= minimum && v <= maximum)) return {};
-  return words.eof() && out.size() <= record::max_antennas ? out : std::vector<double>{};
+  const std::vector<double> out = numbers_in(text);
+  const bool valid = out.size() <= record::max_antennas &&
+                     std::ranges::all_of(out, [&](double v) { return v >= minimum && v <= maximum; });
+  return valid ? out : std::vector<double>{};
 }
 
 void take_antennas(const std::string& path, const AntennaTexts& texts, AntennaGains& out) {

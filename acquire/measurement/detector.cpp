@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
 #include "acquire/measurement/detector.hpp"
 
-#include <charconv>
 #include <cmath>
 #include <limits>
 
@@ -25,11 +24,8 @@ std::optional<Detector> detector_of(const Meta& meta) {
   for (const auto& [name, value] : meta) {
     if (name != key) continue;
     if (value == until_next_pulse) return Detector{std::numeric_limits<double>::infinity()};
-    double ps = 0;
-    const auto end = std::from_chars(value.data(), value.data() + value.size(), ps);
-    if (end.ec == std::errc() && end.ptr == value.data() + value.size() && ps > 0 &&
-        ps <= longest_ps)
-      return Detector{ps};
+    const auto ps = numbers_in(value);
+    if (ps.size() == 1 && ps[0] > 0 && ps[0] <= longest_ps) return Detector{ps[0]};
   }
   return std::nullopt;
 }

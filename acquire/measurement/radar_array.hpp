@@ -5,6 +5,7 @@
 // applied later. Angle estimators need no other data (Van Trees, Optimum Array Processing, 2002,
 // 2.5 and 7.1).
 #pragma once
+#include <cmath>
 #include <complex>
 #include <cstddef>
 #include <span>
@@ -24,6 +25,10 @@ struct Antenna {
   double x = 0, y = 0;
   double gain = 1, phase_rad = 0;
 
+  bool plausible() const {
+    return std::abs(x) < 1e3 && std::abs(y) < 1e3 && gain >= 1e-3 && gain <= 1e3 &&
+           std::abs(phase_rad) < 1e3;
+  }
   bool operator==(const Antenna&) const = default;
 };
 using Antennas = std::vector<Antenna>;

@@ -3,8 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <locale>
-#include <sstream>
 
 #include "drivers/util/format.hpp"
 
@@ -23,17 +21,10 @@ constexpr const char *baseline_key = "radar_baseline_m", *tolerance_key = "radar
 // not have this form or a number is outside its range.
 std::vector<double> numbers_of(const std::string& text, const ValidRange& range, double& error) {
   const auto plus = text.find("+-");
-  const auto read = [](const std::string& part) {
-    std::istringstream words(part);
-    words.imbue(std::locale::classic());
-    std::vector<double> out;
-    for (double v = 0; words >> v;) out.push_back(v);
-    return words.eof() ? out : std::vector<double>{};
-  };
-  const std::vector<double> out = read(text.substr(0, plus));
+  const std::vector<double> out = numbers_in(text.substr(0, plus));
   error = 0;
   if (plus != std::string::npos) {
-    const auto errors = read(text.substr(plus + 2));
+    const auto errors = numbers_in(text.substr(plus + 2));
     if (errors.size() != 1 || !(errors[0] >= 0)) return {};
     error = errors[0];
   }

@@ -28,6 +28,7 @@ struct RecordShapes {
 namespace {
 
 constexpr std::int64_t max_points = 1 << 24;
+constexpr double max_offset_m = 1000;
 
 Error bad_record(const std::string& run, std::int64_t index, const std::string& fault) {
   return {ExitCode::failed, run + ": record " + std::to_string(index) + ": " + fault};
@@ -205,6 +206,12 @@ std::map<std::string, std::string> RunReader::policies() const {
 std::vector<CalibrationEntry> RunReader::calibrations() const {
   std::vector<CalibrationEntry> out = rows<CalibrationEntry>(" LIMIT 4");
   for (const CalibrationEntry& one : out)
+    if (!(std::abs(one.offset_m) <= max_offset_m))
+      throw Error(
+          ExitCode::failed,
+          shown_ + format(": damaged: the offset of sensor %s is %g m; expected at most %g m",
+                          name_of(one.sensor), one.offset_m, max_offset_m));
+  for (const CalibrationEntry& one : out)
     for (const CalibrationEntry& other : out)
       if (&one != &other && one.sensor == other.sensor)
         throw Error(ExitCode::failed, shown_ + ": damaged: contains two calibrations of sensor " +
@@ -215,10 +222,7 @@ std::vector<CalibrationEntry> RunReader::calibrations() const {
 Antennas RunReader::antennas() const {
   Antennas out = rows<Antenna>(" ORDER BY rowid LIMIT " + std::to_string(max_antennas + 1));
   for (std::size_t i = 0; i < out.size(); ++i) {
-    const Antenna& a = out[i];
-    const bool sound = std::abs(a.x) < 1e3 && std::abs(a.y) < 1e3 && a.gain >= 1e-3 &&
-                       a.gain <= 1e3 && std::abs(a.phase_rad) < 1e3;
-    if (!sound || i == max_antennas)
+    if (!out[i].plausible() || i == max_antennas)
       throw Error(ExitCode::failed,
                   shown_ + ": damaged: antenna " + std::to_string(i) +
                       " is not valid; expected at most 12 antennas with position, gain and phase");
@@ -293,8 +297,12 @@ void RunReader::check_axis(const Axis& axis) const {
   // Checks the range of indices first, because counting the records takes more time.
   Statement s = ask("SELECT (SELECT min(idx) FROM record), (SELECT max(idx) FROM record)");
   s.step();
-  const auto first = static_cast<double>(s.integer()), last = static_cast<double>(s.integer());
-  if (too_many(last - first + 1) && too_many(static_cast<double>(count())))
+  const std::int64_t first = s.integer(), last = s.integer();
+  if (first < 0 || last > max_index)
+    throw Error(ExitCode::failed,
+                shown_ + ": damaged: the record index " + std::to_string(first < 0 ? first : last) +
+                    " is out of range; expected 0 to " + std::to_string(max_index));
+  if (too_many(static_cast<double>(last - first + 1)) && too_many(static_cast<double>(count())))
     refuse(std::to_string(points) + " points per record do not fit into a file of " +
            std::to_string(bytes_) + " bytes");
 }

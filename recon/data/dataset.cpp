@@ -173,9 +173,6 @@ class Appender {
                " clicks, more than a time tagger can send";
     return {};
   }
-  // Returns true if the value is a valid power. The limit is below the largest float, so that
-  // interpolation cannot overflow.
-  static bool is_power(float v) { return std::abs(v) < 1e38f; }
   void adopt(Column& column, ColumnAxis& found, const char* name) {
     found.name = name;
     if (data_.sources.empty()) {

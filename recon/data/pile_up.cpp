@@ -11,7 +11,9 @@ namespace echofuse::recon {
 
 PileUp::PileUp(const record::RunInfo& info, const Axis& spd) {
   const auto detector = record::detector_of(info.meta);
-  if (!detector || spd.unit != "ps") return;
+  constexpr double max_window_s = 1e6;
+  if (!detector || spd.unit != "ps" || !(info.window_s > 0 && info.window_s <= max_window_s))
+    return;
   *this = PileUp(detector->dead_time_ps, info.window_s, spd.step);
 }
 

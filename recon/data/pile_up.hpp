@@ -19,7 +19,7 @@ class PileUp {
  public:
   PileUp() = default;  // the detector is unknown, so that counts are not corrected
   // Uses the detector described in the run (record::detector_of). The detector is unknown if the
-  // run does not describe it, or if the axis `spd` is not in ps.
+  // run does not describe it, the axis `spd` is not in ps, or the slot length is impossible.
   PileUp(const record::RunInfo& info, const Axis& spd);
 
   // If the dead time is infinite, only the first photon of each pulse is counted, and the detector

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Tests that the Python implementation of the models (recon/python/echofuse/models/method.py) and echofuse-recon predict the
 same foreground, and depths that agree within 0.1 mm."""
+import csv
 import dataclasses
 import json
 import shutil
@@ -114,6 +115,80 @@ def compare(model, run, maps):
     assert np.abs(depth_m - by_program_m)[~other].max() < 1e-4
 
 
+def test_range_offset_shifts_the_lags_of_arrays_and_runs_alike(runs, tmp_path):
+    program("echofuse-recon", "train", "-q", runs / "antennas.sqlite", "--model", "factorised-8", "--epochs", 1, "--out", tmp_path / "m")
+    run, model = echofuse.open(runs / "antennas.sqlite"), echofuse.load_model(tmp_path / "m")
+    arrays = {"spd": run.photons().clip(0), "radar": run.power(), "lags": run.lags()}  # interpolated counts may be negative
+    shifted, moved = model.predict(run, range_offset_m=0.5), model.predict(**arrays, range_offset_m=0.5)
+    assert np.nanmax(abs(shifted.depth_m - moved.depth_m)) < 0.1 < np.nanmax(abs(shifted.depth_m - model.predict(run).depth_m))
+    with pytest.raises(ValueError, match=r"lags: shape \[60, \d+, 3\] \(expected \[n, \d+, 15\]"):
+        model.predict(**arrays | {"lags": run.lags()[:, :, :3]})
+
+
+def histogram(bin_, count):
+    """Returns a histogram in which one bin contains `count` and all others 3."""
+    counts = np.full(336, 3, "<u4")
+    counts[bin_] = count
+    return counts.tobytes()
+
+
+def record_3(column, value):
+    return [("column ?1 of record 3 is ?2", column, value)]
+
+
+def metadata(**entries):
+    return [("metadata entry ?1 with the value ?2", *entry) for entry in entries.items()]
+
+
+@pytest.mark.parametrize("name, faulty, changes", [
+    *(("50cm", True, record_3(*change)) for change in (
+        ("radar", np.array([np.nan] * 29, "<f4").tobytes()), ("radar", np.array([1e38] * 29, "<f4").tobytes()), ("spd", None), ("spd", histogram(7, 5 * 10 ** 8)),
+        ("spd", histogram(9, 2 ** 32 - 1)), ("slot_utc_ns", -5), ("slot_end_ns", 0), ("clicks_per_pulse", -1), ("in_range", -1), ("valid", "x"))),
+    *(("50cm", False, record_3(*change)) for change in (("slot_utc_ns", "noon"), ("label", None), ("depth", None))),
+    *(("50cm", False, metadata(radar_cell_m=cell, radar_taps=taps)) for cell, taps in (
+        ("0.25", "1 0.5"), ("0.25", "0.5 0.5 0.5"), ("-0.25", "1 0.5 0.2"), ("0_25", "1 0.5 0.2"), ("0.25 +- 0.01", "1 0.5 0.2"), ("nan", "1 0.5 0.2"),
+        ("0.25", "1 1.2 0.5"), ("0.25", "1 inf 0.5"), (" +0.25", "1  0.5 0.2 "))),
+    *(("piled-up", False, metadata(detector_dead_time_ps=text)) for text in (
+        "inf", "1e400", "3_0000", "0x7530", "3e4", " +30000", "30000 40000", "until the next pulse", "")),
+    *(("piled-up", False, [("slot length of the run is ?1", value)]) for value in (0, "x", 1e300)),
+    *(("piled-up", False, record_3(*change)) for change in (("clicks_per_pulse", 0), ("in_range", None), ("starts", None))),
+    ("antennas", True, record_3("array", b"12345678")), ("antennas", False, [("gain of the antennas is ?1", None)]),
+])
+def test_python_and_echofuse_recon_judge_damaged_records_and_metadata_alike(runs, tmp_path, name, faulty, changes):
+    run, model = tmp_path / "run.sqlite", runs / f"{name}.model"
+    run.write_bytes((runs / f"{name}.sqlite").read_bytes())
+    if not model.exists():
+        program("echofuse-recon", "train", "-q", run, "--model", "factorised-8", "--epochs", 1, "--out", model)
+    for one in changes:
+        change(run, *one)
+    done = subprocess.run([BIN / "echofuse-recon", "reconstruct", "-q", model, run, "--out", tmp_path / "maps", "--format", "npy"], check=False)
+    assert done.returncode == (5 if faulty else 0)
+    maps, (expected, index) = echofuse.load_model(model).predict(run), echofuse.load_maps(tmp_path / "maps")
+    with open(tmp_path / "maps/records.csv", newline="", encoding="utf-8") as table:
+        status = {int(row["record"]): row["status"] for row in csv.DictReader(table)}
+    assert ({3: status[3]} if faulty else {}) == maps.faults
+    assert maps.index.tolist() == index.tolist() and np.abs(np.nan_to_num(maps.depth_m) - np.nan_to_num(expected)).max() < 1e-4
+
+
+@pytest.mark.parametrize("said, changes", [
+    ("calibration", [("offset ?2 of the sensor ?1", "spd", 1), ("offset ?2 of the sensor ?1", "spd", 2)]),
+    ("calibration", [("offset ?2 of the sensor ?1", "lidar", 1)]), ("offset", [("offset ?2 of the sensor ?1", "spd", 1e9)]),
+    ("antenna", [("gain of the antennas is ?1", 0)]), ("antenna", [("without antenna ?1", 3)]),
+    ("axis array", [("axis ?1 has the scale ?2", "array", 7.5)]), ("axis spd", [("axis ?1 has the scale ?2", "spd", 0)]),
+    ("record", [("record ?1 has the number ?2", 3, -3)]), ("record", [("record ?1 has the number ?2", 3, 1 << 60)]),
+    ("the run table is empty", [("without a run",)]),
+])
+def test_python_and_echofuse_acquire_refuse_the_same_runs(runs, tmp_path, said, changes):
+    run = tmp_path / "run.sqlite"
+    run.write_bytes((runs / "antennas.sqlite").read_bytes())
+    for one in [("without calibration",), *changes]:
+        change(run, *one)
+    with pytest.raises(ValueError, match=f"^{run}: .*{said}"):
+        echofuse.open(run)
+    done = subprocess.run([BIN / "echofuse-acquire", "info", run], capture_output=True, text=True, check=False)
+    assert done.returncode == 1 and said in done.stderr and done.stderr.count("\n") == 1
+
+
 def test_loaded_model_describes_its_inputs_and_accepts_arrays(runs, tmp_path):
     run = echofuse.open(runs / "50cm.sqlite")
     program("echofuse-recon", "-q", "train", run.path, "--model", "factorised-8", "--out", tmp_path / "m")
@@ -148,6 +223,12 @@ def test_loaded_model_describes_its_inputs_and_accepts_arrays(runs, tmp_path):
     for table in (run.spd, run.radar, run.depth):
         with pytest.raises(ValueError, match="read-only"):
             table[0] = 0
+    for offset_m, said in ((np.nan, "nan"), (11, "11"), ("0.1", "'0.1'"), (None, "None")):
+        with pytest.raises(ValueError, match=f"range_offset_m: {said} .expected"):
+            model.predict(run, range_offset_m=offset_m)
+    assert len(model.predict(spd=run.photons(), range_offset_m=0.1)) == 60
+    with pytest.raises(ValueError, match="axes..spd..: None .expected an Axis"):
+        model.predict(spd=run.photons(), axes={"spd": None})
     maps.save(tmp_path / "maps")
     again, index = echofuse.load_maps(tmp_path / "maps")
     assert np.array_equal(again, maps.depth_m, equal_nan=True) and index.tolist() == maps.index.tolist()

@@ -249,7 +249,7 @@ class HostileRuns(unittest.TestCase):
                 self.assertEqual(codes["reconstruct"], 1, self.said)
                 self.assertIn(why, self.said)
         codes = self.attack(self.make("negative record numbers"))
-        self.assertEqual((codes["info"], codes["export"]), (0, 0), self.said)
+        self.assertEqual((codes["info"], codes["export"]), (1, 1), self.said)
 
     def test_commands_escape_control_characters_in_texts_of_a_run(self):
         for change in "control", "not UTF-8":

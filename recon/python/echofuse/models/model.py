@@ -16,8 +16,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from .. import runs
 from ..runs import grid
-from ..runs.acquire import plain
+from ..runs.acquire import entries, number, plain
 from ..runs.axis import Axis, tangents
+from ..runs.batches import blocks
 from ..runs.grid import rows_of
 from ..runs.run import opened
 from ..runs.zones import summed
@@ -29,6 +30,8 @@ from .response import MUCH_NARROWER, Response, filter_between, filtered, stated_
 
 __all__ = ["Estimator", "Maps", "Model", "load_model", "read_safetensors"]
 
+MAX_RANGE_OFFSET_M = 10  # same value as in recon/cli/commands.cpp
+MAX_POWER, MAX_CLICKS_PER_S = 1e38, 1e8  # same values as in recon/data/dataset.cpp
 # Tolerances of the tangents of a zone's direction (x, y) and width (drivers/core/zone.hpp).
 ZONE_TOLERANCES = np.array([0.01, 0.01, 0.02])
 
@@ -117,13 +120,15 @@ class Arrays:
                  for name, table in (("spd", spd), ("radar", radar), ("lags", lags))
                  if table is not None}
         for name, table in given.items():
-            points, dimensions = {"lags": (1, (3,)), "radar": (1, (2,)), "spd": (-1, (2, 3))}[name]
-            if (name not in axes or table.ndim not in dimensions
-                or table.shape[points] != axes[name].count):
-                expected = (f"[n, {axes[name].count}]" if name in axes
-                            else "none, because the model has no such axis")
-                raise ValueError(f"{name}: shape {list(table.shape)} (expected {expected})")
-            valid = np.isfinite(table) & (table >= (0 if name == "spd" else -np.inf))
+            if name not in axes:
+                raise ValueError(f"{name}: shape {list(table.shape)} (expected none, because the "
+                                 "model has no such axis)")
+            expected = [axes[name].count, *[2 * int(axes[name].scale) + 1] * (name == "lags")]
+            found = table.shape[2 if name == "spd" and table.ndim == 3 else 1:]  # without zones
+            if [*found] != expected:
+                raise ValueError(f"{name}: shape {list(table.shape)} (expected "
+                                 f"[n, {', '.join(map(str, expected))}])")
+            valid = (abs(table) < MAX_POWER) & (table >= (0 if name == "spd" else -np.inf))
             if bad := np.flatnonzero(~valid.all(tuple(range(1, valid.ndim)))).tolist():
                 raise ValueError(f"{name}: row {bad[0]} contains a non-finite value or a negative "
                                  f"count; remove {len(bad)} of {len(table)} rows")
@@ -141,16 +146,19 @@ class Arrays:
     def __len__(self) -> int:
         return len(self.index)
 
+    def _table(self, name: str, empty: tuple[int, ...], by_m: float = 0) -> NDArray[np.float32]:
+        if name not in self._given:
+            return np.zeros((len(self), *empty), np.float32)
+        return grid.shifted(self._given[name], by_m / self.axes[name].step)
+
     def photons(self) -> NDArray[np.float32]:
-        return self._given.get("spd", np.zeros((len(self), 0), np.float32))
+        return self._table("spd", (0,))
 
     def power(self, range_offset_m: float = 0) -> NDArray[np.float32]:
-        table = self._given.get("radar", np.zeros((len(self), 0), np.float32))
-        return grid.shifted(table, range_offset_m
-                            / self.axes["radar"].step) if range_offset_m else table
+        return self._table("radar", (0,), range_offset_m)
 
     def lags(self, range_offset_m: float = 0) -> NDArray[np.float32]:
-        return self._given.get("lags", np.zeros((len(self), 0, 1), np.float32))
+        return self._table("lags", (0, 1), range_offset_m)
 
 
 @dataclass(frozen=True, repr=False)
@@ -247,14 +255,26 @@ class Model:
         points] and `lags` (Run.lags). The records of the arrays are numbered 0, 1, 2 ... `axes` are
         the axes of the arrays (default: Model.axes). `range_offset_m` is a radar range bias in
         metres, which is subtracted in addition to the calibrated offset of the run. Raises
-        ValueError if the axes are incompatible."""
+        ValueError if the axes are incompatible or an argument is invalid. Damaged records of a run
+        have no map."""
+        if not abs(number("range_offset_m", range_offset_m)) <= MAX_RANGE_OFFSET_M:
+            raise ValueError(f"range_offset_m: {range_offset_m} (expected -{MAX_RANGE_OFFSET_M} to "
+                             f"{MAX_RANGE_OFFSET_M})")
+        for name, axis in entries("axes", axes):
+            if not isinstance(axis, Axis):
+                raise ValueError(f"axes[{name!r}]: {axis!r} (expected an Axis)")
         if run is not None and any(given is not None for given in (spd, radar, lags, axes)):
             raise ValueError("predict: expected a run or arrays, not both")
         if run is None:
             return self._maps(Arrays(self.axes | (axes or {}), spd, radar, lags), range_offset_m)
-        return self._maps(opened(run), range_offset_m)
+        run, inputs = opened(run), self.estimators[0].inputs
+        sensors = [name for name, other in (("spd", "radar"), ("radar", "spd")) if inputs != other]
+        return joined([self._maps(part, range_offset_m, implausible(part, sensors) | {
+            row: fault.removeprefix("unreadable: ") for row, fault in unreadable.items()})
+            for _, part, unreadable in blocks(run, sensors=sensors)])
 
-    def _maps(self, run: runs.Run | Arrays, range_offset_m: float) -> Maps:
+    def _maps(self, run: runs.Run | Arrays, range_offset_m: float,
+              damaged: dict[int, str] | None = None) -> Maps:
         photons = run.photons()
         counts = summed(photons)
         power, lags = run.power(range_offset_m), run.lags(range_offset_m)
@@ -267,6 +287,8 @@ class Model:
                 weights = filter_between(stated, self.response, run.power_axis.step)
         spd = run.valid["spd"] & ~is_constant(counts)
         radar = run.valid["radar"] & ~is_constant(power)
+        for row in damaged or {}:
+            spd[row] = radar[row] = False
         first = self.estimators[0]
         maps = np.zeros((len(run), first.size, first.size), np.float32)
         by = np.full(len(run), -1)
@@ -305,6 +327,7 @@ class Model:
         faults = {int(run.index[row]): first.fault_of(
             run.valid["spd"][row], run.valid["radar"][row], spd[row], radar[row])
             for row in np.flatnonzero(by < 0)}
+        faults |= {int(run.index[row]): fault for row, fault in (damaged or {}).items()}
         return Maps(depth_m, run.index[done], x.values, y.values,
                     [self.estimators[k].inputs for k in by[done]], half, self._origin(run), faults)
 
@@ -344,6 +367,33 @@ def zones_of(estimator: Estimator, run: runs.Run | Arrays, photons: NDArray[Any]
                              "those in training; are they in another order?")
     return np.stack([estimator.matched("spd", run.axes["spd"], photons[rows, k])
                      for k in range(zones)], 1)
+
+
+def implausible(part: runs.Run, sensors: list[str]) -> dict[int, str]:
+    """Returns why records with impossible values have no map, by row (Appender::add() in
+    recon/data/dataset.cpp)."""
+    out = {}
+    if "spd" in sensors:
+        counts = part.spd.reshape(len(part), math.prod(part.spd.shape[1:]))
+        slot_s = part.quality()["length_s"]
+        most = np.where(slot_s > 0, MAX_CLICKS_PER_S * slot_s, np.inf)
+        for row, bin_ in np.argwhere((counts > most[:, None]) | (counts == 2 ** 32 - 1))[::-1]:
+            out[int(row)] = (f"spd bin {bin_} contains {counts[row, bin_]} clicks, more than a "
+                             "time tagger can send")
+    if "radar" in sensors:
+        valid = (abs(np.nan_to_num(part.radar)) < MAX_POWER).all(1)
+        valid &= (abs(part.lags()) < MAX_POWER).all((1, 2))
+        out = {int(row): "a radar value is not a finite power"
+               for row in np.flatnonzero(~valid)} | out
+    return out
+
+
+def joined(parts: list[Maps]) -> Maps:
+    """Returns the maps of consecutive blocks of a run."""
+    return replace(parts[0], depth_m=np.concatenate([part.depth_m for part in parts]),
+                   index=np.concatenate([part.index for part in parts]),
+                   inputs=[name for part in parts for name in part.inputs],
+                   faults={index: fault for part in parts for index, fault in part.faults.items()})
 
 
 def is_constant(table: NDArray[np.float32]) -> NDArray[np.bool_]:

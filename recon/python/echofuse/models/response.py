@@ -9,9 +9,12 @@ from typing import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from ..runs.run_files import numbers_in
+
 __all__ = ["Response", "filter_between", "filtered", "stated_in"]
 
-TAPS_PER_CELL = 4  # same value as in acquire/measurement/response.hpp
+# same values as in acquire/measurement/response.cpp
+TAPS_PER_CELL, MAX_TAPS, CELLS_M, POWERS = 4, 64, (1e-3, 10), (0, 1.05)
 # same values as in recon/data/response_conversion.cpp
 MIN_REACH_CELLS, MIN_POWER, MAX_REACH = 3, .01, 48
 PARTS, NOISE_TO_SIGNAL, MUCH_NARROWER = 8, 1e-3, .75
@@ -60,13 +63,24 @@ class Response:
                                   for side in (-1, 1)))
 
 
+def measured(text: str, least: float, most: float) -> tuple[float, ...]:
+    """Returns the numbers in a text such as "1 0.5 +- 0.1" without the error, or an empty tuple if
+    the text has another form or a number is outside the range (numbers_of() in
+    acquire/measurement/response.cpp)."""
+    text, plus, error = text.partition("+-")
+    values, errors = numbers_in(text), numbers_in(error)
+    valid = not plus or len(errors) == 1 and errors[0] >= 0
+    return tuple(values) if valid and all(least <= v <= most for v in values) else ()
+
+
 def stated_in(meta: Mapping[str, str]) -> Response | None:
-    """Returns the response stored in a run's metadata, or None if it is missing or invalid."""
-    try:
-        return Response(float(meta["radar_cell_m"]),
-                        tuple(map(float, meta["radar_taps"].split(" +- ")[0].split())))
-    except (KeyError, ValueError):
+    """Returns the response stored in a run's metadata, or None if it is missing or invalid, as
+    response_of() does in C++."""
+    cell = measured(meta.get("radar_cell_m", ""), *CELLS_M)
+    taps = measured(meta.get("radar_taps", ""), *POWERS)
+    if len(cell) != 1 or not 3 <= len(taps) <= MAX_TAPS:
         return None
+    return Response(cell[0], taps) if abs(taps[0] - 1) < 1e-3 or abs(max(taps) - 1) < 1e-3 else None
 
 
 def filter_between(own: Response, target: Response, step_m: float) -> NDArray[np.float64]:

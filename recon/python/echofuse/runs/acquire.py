@@ -13,7 +13,7 @@ import signal
 import subprocess
 import tempfile
 import warnings
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Set
 from typing import Any
 
 import numpy as np
@@ -47,13 +47,19 @@ def toml(value: Any) -> str:
     return json.dumps(os.fspath(value), ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
+def is_missing(value: Any) -> bool:
+    """Returns whether a value is NaN, None or a missing value of pandas."""
+    return value is None or not isinstance(value, str) and str(value) in ("nan", "NaT", "<NA>")
+
+
 def text_of(name: str, value: Any) -> str:
-    """Returns text or a number as text; None and NaN become "". Raises ValueError for other values
-    and for text that is not valid Unicode."""
+    """Returns text or a number as text; missing values become "". Raises ValueError for other
+    values and for text that is not valid Unicode."""
+    is_time = getattr(value, "dtype", np.dtype(str)).kind in "mM"
     value = value.tolist() if hasattr(value, "tolist") else value
-    if value is None or isinstance(value, float) and math.isnan(value):
+    if is_missing(value):
         return ""
-    if not isinstance(value, (str, int, float)):
+    if is_time or not isinstance(value, (str, int, float)):
         raise ValueError(f"{name}: {value!r} (expected text or a number)")
     if any("\ud800" <= character <= "\udfff" for character in str(value)):
         raise ValueError(f"{name}: {value!r} (expected valid Unicode text)")
@@ -66,7 +72,7 @@ def number(name: str, value: Any, kind: type = float) -> Any:
         if isinstance(value, (str, bytes)) or ma.is_masked(value):
             raise TypeError
         found = kind(value)
-        if kind is int and found != value:
+        if kind is int and (found != value or abs(found) >= 1 << 63):
             raise ValueError
     except (TypeError, ValueError, OverflowError):
         expected = "an integer" if kind is int else "a number"
@@ -76,10 +82,17 @@ def number(name: str, value: Any, kind: type = float) -> Any:
 
 def listed(name: str, values: Any) -> list[Any]:
     """Returns the items of a sequence. Raises ValueError if it is not a sequence."""
-    if (isinstance(values, (str, bytes)) or not hasattr(values, "__iter__")
+    if (isinstance(values, (str, bytes, Set, Mapping)) or not hasattr(values, "__iter__")
             or getattr(values, "ndim", 1) == 0):
         raise ValueError(f"{name}: {values!r} (expected a sequence)")
     return list(values)
+
+
+def entries(name: str, values: Any) -> list[tuple[Any, Any]]:
+    """Returns the items of a dict or of None. Raises ValueError for other values."""
+    if values is not None and not isinstance(values, Mapping):
+        raise ValueError(f"{name}: {values!r} (expected a dict)")
+    return list((values or {}).items())
 
 
 def vectors(name: str, values: Any) -> list[str]:
@@ -130,8 +143,12 @@ def record(config: Path | None = None, count: int = 1, *, label: Any = None,
     words += out_option(out) if out is not None else []
     words += ["--config", os.fspath(config)] if config is not None else []
     words += ["--set", f"run.label={toml(text_of('label', label))}"] if label is not None else []
-    for key, value in (settings or {}).items():
-        words += ["--set", f"{key}={value if isinstance(value, str) else toml(value)}"]
+    for key, value in entries("settings", settings):
+        try:
+            words += ["--set", f"{key}={value if isinstance(value, str) else toml(value)}"]
+        except TypeError:
+            raise ValueError(f"settings[{key!r}]: {value!r} (expected a number, text or a "
+                             "sequence)") from None
     files: list[str] = []
     # The child has its own session, so that Ctrl-C reaches it only through send_signal() below.
     with tempfile.TemporaryFile("w+") as errors, subprocess.Popen(
@@ -204,10 +221,11 @@ def write_run(path: Path, *, spd: ArrayLike | None = None, first_bin_ps: float =
         "depth": {"half_tangent": number("half_tangent", half_tangent),
                   "map_z_max_m": number("far_m", far_m),
                   "map_size": number("map_size", map_size, int), "unit": "mm" if in_mm else "m"},
-        "signal": {key: number(f"signal[{key!r}]", value) for key, value in (signal or {}).items()}}
+        "signal": {toml(str(key)): number(f"signal[{key!r}]", value)
+                   for key, value in entries("signal", signal)}}
     arrays = {name: table for name, (table, _) in tables.items()}
     import_arrays(path, sections, arrays | ({} if depth_m is None else {"depth": depth}),
-                  *(["--began", began] if began else []), program=program)
+                  *([] if began in (None, "") else ["--began", began]), program=program)
     return runs.open(new_path(path))
 
 
@@ -223,8 +241,7 @@ def plain(name: str, values: Any) -> tuple[NDArray[Any], bool]:
         found = ma.asarray(values)
         table, masked = found.data, ma.getmaskarray(found)
         if table.dtype == object:  # contains None or the missing value of pandas
-            masked = masked | np.array([v is None or str(v) == "<NA>" for v in table.flat],
-                                       bool).reshape(table.shape)
+            masked = masked | np.array([*map(is_missing, table.flat)], bool).reshape(table.shape)
             numbers = np.array(table[~masked].tolist())
             table = np.zeros(table.shape, numbers.dtype)
             table[~masked] = numbers
@@ -236,11 +253,11 @@ def plain(name: str, values: Any) -> tuple[NDArray[Any], bool]:
     if masked.any():
         rows = masked.reshape(len(masked), math.prod(masked.shape[1:]))
         partly = np.flatnonzero(rows.any(1) & ~rows.all(1))
-        if name not in ("depth", "depth_m", "maps") and partly.size:
+        if name in ("spd", "radar", "array", "lags") and partly.size:
             raise ValueError(f"{name}: row {partly[0]} is masked in part; expected a whole row")
         table = np.where(masked, np.nan, table.astype(float))
-    if table.dtype.kind == "f" and (name != "spd" or table.dtype.itemsize not in (4, 8)):
-        return np.ascontiguousarray(table, "<f4"), is_integer
+    if table.dtype.kind == "f":
+        return np.ascontiguousarray(table, "<f8" if name == "spd" else "<f4"), is_integer
     return np.ascontiguousarray(table, table.dtype.newbyteorder("<")), is_integer
 
 

@@ -37,7 +37,8 @@ class Axis:
         axis may have more bins than `other`."""
         start = self.start - other["start"]
         end = start + (self.step - other["step"]) * other["count"]
-        return bool(self.quantity == other["quantity"] and self.scale == other["scale"]
+        return bool(self.quantity == other["quantity"] and self.unit == other["unit"]
+                    and self.scale == other["scale"]
                     and self.count >= other["count"]
                     and max(abs(start), abs(end)) <= abs(other["step"]))
 

@@ -109,10 +109,14 @@ def read_only(table: NDArray[Any]) -> NDArray[Any]:
 
 
 def shifted(table: NDArray[np.float32], steps: float) -> NDArray[np.float32]:
-    """Shifts rows [n, points] towards the start by `steps` points (Lanczos interpolation, eight
-    points, as in recon/data/shift.hpp). Rows with constant values (dead sensor) are not changed."""
+    """Shifts rows [n, points] or [n, points, values] towards the start by `steps` points (Lanczos
+    interpolation, eight points, as in recon/data/shift.hpp). Rows with constant values (dead
+    sensor) are not changed."""
     if steps == 0 or table.shape[1] == 0:
         return table
+    if table.ndim == 3:
+        flat = np.moveaxis(table, 2, 1).reshape(-1, table.shape[1])
+        return np.moveaxis(shifted(flat, steps).reshape(len(table), -1, table.shape[1]), 1, 2)
     whole, x = int(np.floor(steps)), np.arange(8) - 3 - (steps - np.floor(steps))
     weights = np.sinc(x) * np.sinc(x / 4)
     padded = np.pad(table, ((0, 0), (abs(whole) + 8, abs(whole) + 8)))

@@ -8,20 +8,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .run_files import numbers_in
+
 __all__ = ["corrected"]
 
 
 def corrected(run: Any, counts: NDArray[np.float32], clicks: float,
               clicks_per_pulse: float) -> NDArray[np.float32]:
     """Corrects the counts [bins] of one record for pile-up. `clicks` is the number of clicks in the
-    record. If clicks_per_pulse is 0 (unknown), or the dead time of the run is not a positive
-    number, the counts are returned unchanged."""
+    record. The counts are returned unchanged if clicks_per_pulse is 0 (unknown), or if the dead
+    time or the slot length of the run is not a positive number."""
     text = run.meta["detector_dead_time_ps"]
-    try:
-        dead_ps = np.inf if text == "until the next pulse" else float(text)
-    except ValueError:
-        dead_ps = 0.0
-    if not (clicks_per_pulse > 0 and (0 < dead_ps <= 1e12 or dead_ps == np.inf)):
+    numbers = [np.inf] if text == "until the next pulse" else numbers_in(text)
+    dead_ps = numbers[0] if len(numbers) == 1 else 0.0
+    if not (clicks > 0 and clicks_per_pulse > 0 and (0 < dead_ps <= 1e12 or dead_ps == np.inf)
+            and 0 < run.info["window_s"] <= 1e6 and run.axes["spd"].unit == "ps"):
         return counts
     pulses, width = clicks / clicks_per_pulse, run.axes["spd"].step
     dead = dead_ps / width

@@ -24,8 +24,8 @@ from .axis import Axis, tangents
 from .damaged import errors_with_path
 from .grid import Growing, inflated, read_only, rows_of, shifted
 from .record import Record
-from .run_files import (NULL_INTEGER, STATISTICS, Connection, connect, leftovers, meta_of,
-                        query, status_of, table)
+from .run_files import (NULL_INTEGER, STATISTICS, Connection, antennas_of, axes_of, connect,
+                        leftovers, meta_of, offsets_of, query, reals, status_of, table)
 from .zones import Zone
 from .zones import stored as stored_zones
 
@@ -33,7 +33,7 @@ __all__ = ["PS_PER_M", "SENSORS", "Run", "open", "opened"]
 
 SENSORS = {"spd": 1, "radar": 2, "depth": 4}  # bits of the column record.valid
 PS_PER_M = 2e12 / 299_792_458.0  # two-way time of flight per metre of range, ps
-MIN_AXIS_LIMIT, MAX_PIXELS = 1 << 16, 1 << 23  # lower bound of the axis limit; pixels per image
+MAX_PIXELS, MAX_INDEX = 1 << 23, 1 << 53  # pixels per image; number of a record
 BLOCK = 64  # number of records that an iteration reads at once
 METRES = np.arange(1 << 16, dtype=np.float32) / np.float32(1000)  # z of each value of a pixel, m
 METRES[0] = np.nan
@@ -43,12 +43,14 @@ APPENDING = threading.Lock()
 def open(path: str | pathlib.Path) -> "Run":  # noqa: A001 (intended name)
     """Opens a run, given its file or the NAME of `echofuse-acquire run --out NAME`. Raises
     FileNotFoundError, IsADirectoryError for a folder, or ValueError if the file is not a run."""
-    found = pathlib.Path(path).absolute()
-    if not found.is_file() and found.suffix != ".sqlite":
-        found = pathlib.Path(f"{found}.sqlite")
+    given = pathlib.Path(path).absolute()
+    named = given if given.suffix == ".sqlite" else pathlib.Path(f"{given}.sqlite")
+    found = given if given.is_file() else named
     if not found.is_file():
-        if pathlib.Path(path).is_dir():
-            raise IsADirectoryError(f"{path}: is a folder; expected a run file")
+        if given.is_dir() or named.is_dir():
+            raise IsADirectoryError(f"{given}: is a folder; expected a run file")
+        if given.exists() or named.exists():
+            raise ValueError(f"{given}: is not a regular file; expected a run file")
         raise FileNotFoundError(f"{path}: no such run file")
     for file in leftovers(found):
         warnings.warn(f"{file}: not read, because the run is closed; move it away", stacklevel=2)
@@ -169,31 +171,25 @@ class Run:
 
     @errors_with_path
     def _read(self) -> None:
-        max_points = max(self.path.stat().st_size, MIN_AXIS_LIMIT)
         layout = (self.axes, self.antennas, self.zones) if self.info else None
         with self._opened() as db:
-            self.axes = {row[0]: Axis(*row) for row in db.execute(
-                "SELECT name, quantity, unit, CAST(count AS INTEGER), CAST(start AS REAL), "
-                "CAST(step AS REAL),"
-                " CAST(scale AS REAL) FROM axis")}
-            for name, axis in self.axes.items():
-                if (not 0 <= axis.count <= max_points or not abs(axis.start) < 1e15
-                    or not 1e-15 < abs(axis.step) < 1e15):
-                    raise ValueError(f"{self.path}: axis {name}: {axis.count} points from "
-                                     f"{axis.start:g} in steps of {axis.step:g}; expected at most "
-                                     f"{max_points} points and plausible positions")
-            cursor = db.execute("SELECT * FROM run")
+            self.axes = axes_of(db, self.path)
+            cursor = db.execute("SELECT *, CAST(ifnull(window_s, 0) AS REAL) AS window_s FROM run")
             self.info = dict(zip((column[0] for column in cursor.description), cursor.fetchone()))
             self.meta = meta_of(self.path, self.info.pop("meta"))
             self.info["status"] = status_of(db, self.path, self.info["status"])
-            self.offset_m = dict(db.execute("SELECT sensor, offset_m FROM calibration"))
-            self.antennas = db.execute("SELECT x, y, gain, phase_rad FROM antenna ORDER BY rowid"
-                                       ).fetchall()
+            self.offset_m = offsets_of(db, self.path)
+            self.antennas = antennas_of(db, self.path, self.axes.get("array"))
             self.zones = stored_zones(db)
             if "index" not in self._grown:
                 self.index, self.labels = np.array([], np.int64), []
-            rows = db.execute("SELECT idx, valid, label, slot_utc_ns FROM record WHERE idx > ? "
-                              "ORDER BY idx", self.index[-1:].tolist() or [NULL_INTEGER]).fetchall()
+            rows = db.execute(
+                "SELECT idx, CAST(ifnull(valid, 0) AS INTEGER), CAST(ifnull(label, '') AS TEXT), "
+                "CAST(ifnull(slot_utc_ns, 0) AS INTEGER) FROM record WHERE idx > ? ORDER BY idx",
+                self.index[-1:].tolist() or [NULL_INTEGER]).fetchall()
+        if rows and not 0 <= rows[0][0] <= rows[-1][0] <= MAX_INDEX:
+            raise ValueError(f"{self.path}: damaged: the records have numbers from {rows[0][0]} to "
+                             f"{rows[-1][0]}; expected 0 to {MAX_INDEX}")
         if layout != (self.axes, self.antennas, self.zones):
             self._forget()
         index, bits, labels, utc = zip(*rows) if rows else ((), (), (), ())
@@ -208,8 +204,9 @@ class Run:
     def _opened(self) -> Iterator[Connection]:
         """Opens the run file. Raises ValueError if it contains another run than before."""
         with closing(connect(self.path)) as db:
-            uuid, = db.execute("SELECT uuid FROM run").fetchone()
-            if uuid != self.info.get("uuid", uuid):
+            if not (row := db.execute("SELECT uuid FROM run").fetchone()):
+                raise ValueError(f"{self.path}: the run table is empty")
+            if (uuid := row[0]) != self.info.get("uuid", uuid):
                 raise ValueError(f"{self.path}: contains another run (UUID {uuid}, expected "
                                  f"{self.info['uuid']}); open it again")
             yield db
@@ -421,8 +418,7 @@ class Run:
         for row, bins in self.array_bins():
             out[row] = antenna_lags.of_bins(bins, self.antennas, self._pairs)
         by_m = range_offset_m + self.offset_m.get("radar", 0)
-        flat = np.moveaxis(out.astype(np.float32), 2, 1).reshape(-1, axis.count)
-        return np.moveaxis(shifted(flat, by_m / axis.step).reshape(len(self), -1, axis.count), 1, 2)
+        return shifted(out.astype(np.float32), by_m / axis.step)
 
     def array_bins(self) -> Iterator[tuple[int, NDArray[Any]]]:
         """For each row with antenna samples, yields the row and its bins (radar_array.hpp): the
@@ -449,9 +445,10 @@ class Run:
 
     def _clicks(self) -> list[tuple[float, float]]:
         """For each record, returns its clicks, and its clicks per laser pulse (0: unknown)."""
-        rows = self.of_records("in_range + out_of_range, starts, clicks_per_pulse")
-        return [(clicks, known or (clicks / starts if clicks < 0.95 * starts
-                                   else 0.0)) for clicks, starts, known in rows]
+        rows = self.of_records(f"{reals(in_range=0, out_of_range=0, starts=0)}, "
+                               "CAST(clicks_per_pulse AS REAL)")
+        return [(a + b, known if known is not None else (a + b) / starts
+                 if a + b < 0.95 * starts else 0.0) for a, b, starts, known in rows]
 
     def _blobs(self, sensor: str, rows: NDArray[np.int64]) -> Iterator[tuple[int, bytes]]:
         """For each of the given rows that is valid, yields the row and the blob."""

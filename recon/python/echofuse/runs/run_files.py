@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import functools
 import json
+import math
 import os
 import pathlib
+import re
 import sqlite3
 import stat
 import struct
@@ -18,17 +20,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .axis import Axis
+
 try:
     import fcntl
 except ImportError:  # Windows
     pass
 
-__all__ = ["NULL_INTEGER", "SCHEMA", "STATISTICS", "Connection", "connect", "is_closed",
-           "leftovers", "meta_of", "printable", "status_of", "table", "wal_key"]
+__all__ = ["NULL_INTEGER", "SCHEMA", "STATISTICS", "Connection", "antennas_of", "axes_of",
+           "connect", "is_closed", "leftovers", "meta_of", "numbers_in", "offsets_of", "printable",
+           "reals", "status_of", "table", "wal_key"]
 
 APPLICATION_ID, FORMAT_VERSION = 0x4543464D, 4
 NULL_INTEGER = -1 << 63
 WAL_KEY = "wal_key"  # key in the JSON object run.meta of an open run
+MIN_AXIS_LIMIT, MAX_AXES, MAX_ANTENNAS = 1 << 16, 16, 12  # first: lower bound of the axis limit
+MAX_OFFSET_M = 1000  # same value as in acquire/record/run_reader.cpp
+NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 MAX_RESTARTS = 1 << 16  # maximum difference between the stored key and the key of the -wal file
 # Definition of each table of a run, and of SQLite's statistics; written by the program `fixture`.
 SCHEMA = {line.split()[2].split("(")[0]: line for line in resources.files(__package__).joinpath(
@@ -258,6 +266,11 @@ def connected(path: pathlib.Path, closed: bool) -> Connection:
         if db.is_closed() and not closed:  # the writer has just closed the run
             db.close()
             return connect(path)
+        if not identity and not db.execute("SELECT 1 FROM sqlite_schema").fetchone():
+            db.close()
+            raise ValueError(f"{path}: is empty: the recording process was killed before the first "
+                             f"record, or the records were in {side_file(path, '-wal')}, which is "
+                             "missing; look for a copy named *.rescued.sqlite")
         if identity == APPLICATION_ID and version == FORMAT_VERSION:
             try:
                 guard(db, path)
@@ -337,6 +350,63 @@ def meta_of(path: pathlib.Path, text: Any) -> dict[str, str]:
     except (TypeError, ValueError, RecursionError):
         pass
     raise ValueError(f"{path}: meta is not a JSON object of strings")
+
+
+def numbers_in(text: str) -> list[float]:
+    """Returns the numbers in a text, or an empty list if the text contains anything else
+    (numbers_in() in drivers/util/format.hpp)."""
+    words = text.split()
+    values = [float(word) for word in words] if all(map(NUMBER.fullmatch, words)) else []
+    return values if all(map(math.isfinite, values)) else []
+
+
+def reals(**columns: float) -> str:
+    """Returns SQL expressions for columns of numbers, with the values that replace NULL."""
+    return ", ".join(f"CAST(ifnull({name}, {value}) AS REAL)" for name, value in columns.items())
+
+
+def axes_of(db: sqlite3.Connection, path: pathlib.Path) -> dict[str, Axis]:
+    """Returns the axes of a run by name. Raises ValueError if an axis is invalid (check_axis() in
+    acquire/record/run_reader.cpp)."""
+    most = max(path.stat().st_size, MIN_AXIS_LIMIT)
+    rows = db.execute("SELECT name, quantity, unit, CAST(ifnull(count, 0) AS INTEGER), "
+                      f"{reals(start=0, step=0, scale=1)} FROM axis").fetchmany(MAX_AXES + 1)
+    for name, _, _, count, start, step, scale in rows:
+        antennas = 1 if name != "array" else scale if scale.is_integer() else 0
+        if (len(rows) > MAX_AXES or not 0 <= count <= most or not abs(start) < 1e15
+                or not 1e-15 <= abs(step) < 1e15 or not 0 < scale < 1e15
+                or not 1 <= antennas <= MAX_ANTENNAS):
+            raise ValueError(f"{path}: axis {name}: {count} points from {start:g} in steps of "
+                             f"{step:g}, scale {scale:g}; expected at most {MAX_AXES} axes of at "
+                             f"most {most} points, with plausible positions and scales")
+    return {row[0]: Axis(*row) for row in rows}
+
+
+def offsets_of(db: sqlite3.Connection, path: pathlib.Path) -> dict[str, float]:
+    """Returns the range bias of each calibrated sensor, m. Raises ValueError if a calibration is
+    invalid."""
+    rows = db.execute(f"SELECT sensor, {reals(offset_m=0)} FROM calibration").fetchmany(4)
+    out = dict(rows)
+    if (len(out) < len(rows) or not {*out} <= {"spd", "radar", "depth"}
+            or not all(abs(offset_m) <= MAX_OFFSET_M for offset_m in out.values())):
+        raise ValueError(f"{path}: damaged: table calibration contains {rows}; expected one offset "
+                         f"of at most {MAX_OFFSET_M} m per sensor")
+    return out
+
+
+def antennas_of(db: sqlite3.Connection, path: pathlib.Path,
+                array: Axis | None) -> list[tuple[float, ...]]:
+    """Returns x, y, gain and phase of each radar antenna. Raises ValueError if an antenna is not
+    plausible, or if the number of antennas differs from that of the axis."""
+    rows = db.execute(f"SELECT {reals(x=0, y=0, gain=1, phase_rad=0)} FROM antenna ORDER BY rowid"
+                      ).fetchmany(MAX_ANTENNAS + 1)
+    if len(rows) > MAX_ANTENNAS or not all(
+            max(abs(x), abs(y), abs(phase)) < 1e3 and 1e-3 <= gain <= 1e3
+            for x, y, gain, phase in rows) or rows and array and len(rows) != array.scale:
+        raise ValueError(f"{path}: damaged: table antenna: expected at most {MAX_ANTENNAS} "
+                         "antennas with position, gain and phase, in agreement with the axis "
+                         "array")
+    return rows
 
 
 def table(db: sqlite3.Connection, name: str) -> dict[str, NDArray[Any]]:
