@@ -26,6 +26,7 @@ class NpyFile {
     return row_size_;
   }  // values per row; 1 for a one-dimensional array
   bool is_integer() const { return kind_ != 'f'; }
+  bool is_bool() const { return kind_ == 'b'; }
   // Returns the array's shape as text, for example "[300, 64, 64]".
   std::string shape_text() const;
   // Returns the values of the next row. Throws Error(failed) if there are no more rows.

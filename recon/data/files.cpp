@@ -15,7 +15,8 @@ Bytes read_file(const std::string& path) {
 }
 
 std::string read_text(const std::string& path) {
-  return RegularFile(path, ExitCode::failed).rest<std::string>();
+  std::string text = RegularFile(path, ExitCode::failed).rest<std::string>();
+  return text.starts_with("\xef\xbb\xbf") ? text.substr(3) : text;
 }
 
 void write_file(const std::string& path, ByteView contents) {

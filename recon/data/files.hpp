@@ -8,8 +8,9 @@
 
 namespace echofuse::recon {
 
-Bytes read_file(const std::string& path);        // throws Error(failed) if the file cannot be read
-std::string read_text(const std::string& path);  // throws Error(failed) if the file cannot be read
+Bytes read_file(const std::string& path);  // throws Error(failed) if the file cannot be read
+// Returns the text without its byte order mark. Throws Error(failed) if the file cannot be read.
+std::string read_text(const std::string& path);
 // Replaces the file atomically (see write_atomically()).
 void write_file(const std::string& path, ByteView contents);
 void make_folder(const std::string& path);  // throws Error(disk) if the folder cannot be created

@@ -74,12 +74,14 @@ void read_table(const std::string& path, const Visit& visit) {
   const std::size_t index = column("record"), status = column("status");
   while (std::getline(text, line)) {
     const auto fields = csv_fields(line);
-    if (fields.size() <= std::max(index, status)) continue;
-    std::int64_t number = 0;
-    const std::string& word = fields[index];
+    if (fields == std::vector<std::string>{""}) continue;
+    const bool whole = fields.size() > std::max(index, status) && !fields[status].empty();
+    const std::string word = whole ? fields[index] : "";
+    std::int64_t number = -1;
     const auto read = std::from_chars(word.data(), word.data() + word.size(), number);
-    if (read.ec != std::errc{} || read.ptr != word.data() + word.size())
-      refuse(path, format("\"%s\" is not a record index", printable(word).c_str()));
+    if (read.ec != std::errc{} || read.ptr != word.data() + word.size() || number < 0)
+      refuse(path, format("\"%s\" is not a line with a record index and a status",
+                          printable(line, 100).c_str()));
     visit(number, has_map(fields[status]));
   }
 }
@@ -87,12 +89,14 @@ void read_table(const std::string& path, const Visit& visit) {
 void read_array(const std::string& folder, const record::MapGrid& grid, WrittenMaps& out) {
   const std::string path = folder + "/maps.npy";
   NpyFile file(path);
-  if (file.shape().size() != 3)
-    refuse(path, "its shape is " + file.shape_text() + "; expected [n, N, N]");
+  if (file.shape().size() != 3 || file.is_bool())
+    refuse(path, "its shape is " + file.shape_text() + "; expected depths [n, N, N]");
   require_grid(path, file.shape()[2], file.shape()[1], grid);
   std::size_t row = 0;
   read_table(folder + "/records.csv", [&](std::int64_t index, bool has) {
     if (!has) return out.without.push_back(index);
+    if (out.of_index.contains(index))
+      refuse(path, format("record %lld has two maps", static_cast<long long>(index)));
     if (row++ < file.rows()) out.of_index[index] = depths(path, index, file.next_row());
   });
   if (row != file.rows())
@@ -177,6 +181,14 @@ std::vector<std::string> left_out_of_maps(const std::vector<WrittenMaps>& folder
     if (!maps.uuid.empty() && maps.uuid != run.uuid)
       refuse(maps.name, "contains maps of another run, " + printable(maps.path) +
                             "; expected maps of " + printable(run.path));
+  std::set<std::int64_t> known;
+  for (const RecordInfo& record : data.records) known.insert(record.index);
+  for (const DamagedRecord& record : data.damaged) known.insert(record.index);
+  for (const WrittenMaps& maps : folders)
+    for (const auto& [index, map] : maps.of_index)
+      if (!known.contains(index))
+        refuse(maps.name, format("contains a map of record %lld; %s has no such record",
+                                 static_cast<long long>(index), printable(run.path).c_str()));
   Copies copies;
   std::vector<std::string> out(data.size());
   for (std::size_t row = 0; row < data.size(); ++row) {

@@ -57,9 +57,32 @@ def test_load_maps_includes_maps_predicted_without_one_sensor(tmp_path):
     assert echofuse.load_maps(tmp_path)[1].tolist() == [1, 2, 4]
 
 
-def test_evaluate_refuses_maps_if_none_of_them_belongs_to_a_scored_record(run, tmp_path):
-    echofuse.save_maps(tmp_path / "none", run.maps([0]), [1000])
-    assert "has 1 maps, but none for the 60 scored records" in judged(tmp_path / "none", run, ok=False)
+def test_evaluate_refuses_maps_of_records_that_the_run_does_not_contain(run, tmp_path):
+    echofuse.save_maps(tmp_path / "none", run.maps([0, 1]), [0, 1000])
+    assert "contains a map of record 1000; " in judged(tmp_path / "none", run, ok=False)
+
+
+@pytest.mark.parametrize("old, new", [("record", "index"), (",", ";"), ("1,ok", "0,ok"), ("1,ok", "-1,ok"), ("1,ok", "+1,ok"), ("1,ok", "1.0,ok"),
+                                      ("1,ok", ",ok"), ("1,ok", "1"), ("1,ok", "99999999999999999999,ok"), ("1,ok", "1,dead"), ("1,ok", "1_0,ok")])
+def test_load_maps_and_evaluate_refuse_the_same_tables(run, tmp_path, old, new):
+    folder = save(tmp_path / "maps", run, [0, 1, 2])
+    table = (folder / "records.csv").read_text()
+    (folder / "records.csv").write_bytes(("\ufeff" + table.replace("\n", "\r\n")).encode())
+    assert echofuse.load_maps(folder)[1].tolist() == [0, 1, 2] and judged(folder, run, "--json")["answered"] == 3
+    (folder / "records.csv").write_text(table.replace(old, new))
+    with pytest.raises(ValueError, match=f"^{folder}: "):
+        echofuse.load_maps(folder)
+    assert str(folder) in judged(folder, run, ok=False)
+
+
+@pytest.mark.parametrize("change", [lambda maps: maps * 1000, lambda maps: maps.astype(">f4"), lambda maps: np.asfortranarray(maps), lambda maps: maps > 2,
+                                    lambda maps: maps.astype("f2"), lambda maps: maps.astype(object), lambda maps: maps.reshape(3, -1), lambda maps: maps[:2]])
+def test_load_maps_and_evaluate_refuse_the_same_arrays(run, tmp_path, change):
+    folder = save(tmp_path / "maps", run, [0, 1, 2])
+    np.save(folder / "maps.npy", change(np.nan_to_num(run.maps([0, 1, 2]))), allow_pickle=True)
+    with pytest.raises(ValueError, match=f"^{folder}: "):
+        echofuse.load_maps(folder)
+    assert str(folder) in judged(folder, run, ok=False)
 
 
 def test_save_maps_and_evaluate_refuse_a_folder_that_contains_maps_of_another_run(run, tmp_path):

@@ -84,6 +84,23 @@ def test_metrics_refuse_other_shapes_and_units(said, maps, truth):
             function(maps, truth, metrics.Scene(np.zeros((8, 8), np.float32), 3.0))
 
 
+@pytest.mark.parametrize("said, values", [
+    ("background_m: the median depth of map 0 is above 200 m", {"background_m": np.full((8, 8), 5000)}), ("foreground_m: 3000", {"foreground_m": 3000}),
+    ("foreground_m: nan", {"foreground_m": np.nan}), ("half_tangent: 30 .expected 0.02 to 3", {"half_tangent": 30}), ("far_m: 6000", {"far_m": 6000}),
+    ("far_m: '6' .expected a number", {"far_m": "6"}), ("maps: bool", {"maps": np.ones((1, 8, 8), bool)}), ("truth: bool", {"truth": np.ones((1, 8, 8), bool)}),
+])
+def test_metrics_refuse_impossible_scenes_and_masks(said, values):
+    given = {"background_m": np.full((8, 8), 5.0), "foreground_m": 3.0, "maps": np.ones((1, 8, 8)), "truth": np.ones((1, 8, 8))} | values
+    with pytest.raises(ValueError, match=said):
+        metrics.iou(given.pop("maps"), given.pop("truth"), metrics.Scene(**given))
+
+
+def test_background_without_returns_may_be_nan_zero_or_masked():
+    background, truth = np.where(np.arange(8) < 4, 0, 5.0) * np.ones((8, 1)), np.full((1, 8, 8), 3.0)
+    for given in (np.where(background, background, np.nan), np.ma.masked_equal(background, 0), background.tolist()):
+        assert np.array_equal(metrics.Scene(given, 3.0).true_mask(truth), metrics.Scene(background, 3.0).true_mask(truth))
+
+
 def test_masked_pixels_of_maps_have_no_return(tmp_path):
     scene, body = metrics.Scene(np.zeros((8, 8), np.float32), 3.0), np.full((1, 8, 8), 3.0)
     hidden = np.broadcast_to(np.arange(8) < 4, body.shape)

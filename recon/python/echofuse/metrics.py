@@ -21,7 +21,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike, NDArray
 
-from .runs.acquire import plain
+from .runs.acquire import number, plain
 from .runs.axis import tangents
 
 __all__ = ["Scene", "depth_mae_m", "ghost", "iou", "lateral_m", "ssim_fg"]
@@ -35,22 +35,26 @@ SIDE_M = 0.3  # minimum |x| at which a body and its mirror image are distinct, m
 WINDOW, SIGMA = 11, 1.5  # width and standard deviation of the SSIM window, pixels
 
 
+# limits of the values of a Scene (acquire/measurement/depth_map.hpp)
+LIMITS = ("foreground_m", 0, 200), ("half_tangent", 0.02, 3), ("far_m", 0.1, 65)
 MIN_M, MAX_M, MAX_MEDIAN_M = -100, 1e6, 200  # limits of depths (recon/maps/written_maps.cpp)
 
 
-def pixels(maps: ArrayLike) -> NDArray[np.float32]:
+def pixels(maps: ArrayLike, name: str = "maps") -> NDArray[np.float32]:
     """Replaces NaN and masked pixels in maps [n, N, N] with 0. Raises ValueError if the maps have
     another shape, or if their values are not depths in metres."""
-    table = np.asarray(plain("maps", maps)[0], np.float32)
-    table = np.where(np.isnan(table), np.float32(0), table)
+    given = plain(name, maps)[0]
+    table = np.where(np.isnan(given), np.float32(0), given).astype(np.float32)
     if table.ndim != 3 or table.shape[1] != table.shape[2]:
-        raise ValueError(f"maps: shape {list(table.shape)} (expected [n, N, N])")
+        raise ValueError(f"{name}: shape {list(table.shape)} (expected [n, N, N])")
+    if given.dtype == bool:
+        raise ValueError(f"{name}: {given.dtype} (expected depths in metres)")
     if bad := np.argwhere(~((table >= MIN_M) & (table < MAX_M)))[:1].tolist():
-        raise ValueError(f"maps: map {bad[0][0]} has an impossible depth: {table[*bad[0]]:g} m")
+        raise ValueError(f"{name}: map {bad[0][0]} has an impossible depth: {table[*bad[0]]:g} m")
     far = 2 * (table > MAX_MEDIAN_M).sum((1, 2)) > (table > 0).sum((1, 2))
     if far.any():
-        raise ValueError(f"maps: the median depth of map {far.argmax()} is above {MAX_MEDIAN_M} m; "
-                         "expected metres, not millimetres")
+        raise ValueError(f"{name}: the median depth of map {far.argmax()} is above {MAX_MEDIAN_M} "
+                         "m; expected metres, not millimetres")
     return table
 
 
@@ -59,7 +63,7 @@ def score(function: Callable[..., Scores]) -> Callable[[ArrayLike, ArrayLike, Sc
     ground-truth maps and the scene differ."""
     @functools.wraps(function)
     def checked(maps: ArrayLike, truth: ArrayLike, scene: Scene) -> Scores:
-        found, true = pixels(maps), pixels(truth)
+        found, true = pixels(maps), pixels(truth, "truth")
         expected = (len(true), *scene.background_m.shape)
         for name, table in ("maps", found), ("truth", true):
             if table.shape != expected:
@@ -77,12 +81,20 @@ def ratio(numerator: NDArray[Any], denominator: NDArray[Any], minimum: float = 0
 
 @dataclass(frozen=True)
 class Scene:
-    """Background and foreground depths of the training maps (recon/metrics/scene_model.hpp)."""
+    """Background and foreground depths of the training maps (recon/metrics/scene_model.hpp). Raises
+    ValueError if a value is impossible."""
 
-    background_m: NDArray[np.float32]  #: z of the background [N, N], m; 0: no background
+    background_m: NDArray[np.float32]  #: z of the background [N, N], m; 0 or NaN: no background
     foreground_m: float  #: mean z of the foreground, m; 0: no separable body
     half_tangent: float = 0.55  #: x / z at the right edge of the maps
     far_m: float = 6.0  #: maximum z of a map, m
+
+    def __post_init__(self) -> None:
+        background = pixels([self.background_m], "background_m")[0]
+        object.__setattr__(self, "background_m", background)
+        for name, least, most in LIMITS:
+            if not least <= number(name, getattr(self, name)) <= most:
+                raise ValueError(f"{name}: {getattr(self, name)} (expected {least} to {most})")
 
     @classmethod
     def of_maps(cls, maps: ArrayLike, half_tangent: float = 0.55, far_m: float = 6.0) -> Scene:

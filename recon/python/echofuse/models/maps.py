@@ -32,7 +32,8 @@ def require_indices(maps: NDArray[Any], index: NDArray[Any], run: Run | None) ->
     run."""
     if maps.ndim != 3 or maps.shape[1] != maps.shape[2]:
         raise ValueError(f"depth_m: shape {list(maps.shape)} (expected [n, N, N])")
-    if index.shape != maps.shape[:1] or (index.size and index.dtype.kind not in "iu"):
+    if (index.shape != maps.shape[:1] or (index.size and index.dtype.kind not in "iu")
+            or np.ma.is_masked(index) or (index.astype(np.int64) < 0).any()):
         raise ValueError(f"index: {index.dtype} {list(index.shape)} (expected {len(maps)} record "
                          "indices)")
     known, count = np.unique(index, return_counts=True)
@@ -48,7 +49,7 @@ def save_maps(folder: str | pathlib.Path, depth_m: ArrayLike, index: ArrayLike,
     """Writes maps [n, N, N] (m, NaN or masked: no return) of the records with the given indices
     [n]. `run` or `origin` (text of run.txt) identifies the run. Raises FileExistsError if the
     folder contains maps of another run, and ValueError if a shape, an index or a depth is wrong."""
-    folder, indices = pathlib.Path(folder), np.asarray(index)
+    folder, indices = pathlib.Path(folder), np.ma.asarray(index)
     maps = plain("maps", depth_m)[0]
     require_indices(maps, indices, run)
     pixels(maps)  # checks the depths
@@ -71,17 +72,30 @@ def save_maps(folder: str | pathlib.Path, depth_m: ArrayLike, index: ArrayLike,
 
 def load_maps(folder: str | pathlib.Path) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
     """Reads maps [n, N, N] and their record indices [n], as written by save_maps() or
-    `reconstruct --format npy`."""
-    folder = pathlib.Path(folder)
-    with open(folder / "records.csv", newline="") as file:
-        index = [int(row["record"]) for row in csv.DictReader(file)
-                 if row["status"].startswith(("ok", "radar lost", "antennas lost"))]
-    maps = np.load(folder / "maps.npy")
-    if len(maps) != len(index):
-        raise ValueError(
-            f"{folder}: {len(maps)} maps in maps.npy, but {len(index)} records with a map in "
-            "records.csv")
-    return maps, np.array(index, np.int64)
+    `reconstruct --format npy`. Raises ValueError for files that `evaluate --maps` refuses
+    (recon/maps/written_maps.cpp)."""
+    folder, words = pathlib.Path(folder), []
+    try:
+        with open(folder / "records.csv", newline="", encoding="utf-8-sig",
+                  errors="replace") as file:
+            for row in csv.DictReader(file):
+                word, status = row["record"] or "", row["status"] or ""
+                if not (word.isascii() and word.isdigit() and status):
+                    raise ValueError(f'records.csv: expected a record index and a status, not '
+                                     f'"{printable(word)}" and "{printable(status)}"')
+                if status.startswith(("ok", "radar lost", "antennas lost")):
+                    words.append(word)
+        stored, index = np.load(folder / "maps.npy"), np.array(words, "u8")
+        maps = plain("maps", stored)[0]
+        require_indices(maps, index, None)
+        pixels(stored)  # checks the depths
+        if stored.dtype.str[0] == ">" or stored.dtype == "f2" or not stored.flags.c_contiguous:
+            raise ValueError("maps.npy: expected little-endian numbers in C order")
+    except KeyError as error:
+        raise ValueError(f"{folder}: records.csv has no column {error}") from None
+    except (ValueError, AttributeError, EOFError, OverflowError) as error:
+        raise ValueError(f"{folder}: {error}") from None
+    return maps, index.astype(np.int64)
 
 
 def span_of(depth_m: ArrayLike) -> tuple[float, float]:
