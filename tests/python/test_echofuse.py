@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 import echofuse
+from echofuse.export import export
 from echofuse.runs import grid, run_files
 from fixtures import BIN, change, program
 
@@ -66,6 +67,10 @@ def test_run_arrays_equal_those_of_the_hdf5_export(folder):
         assert np.array_equal(file["entry/data/spd"][:], run.spd)
         assert np.array_equal(file["entry/data/radar"][:], run.radar)
         assert np.array_equal(file["entry/data/depth"][:], run.depth, equal_nan=True)
+    export(run[[7, 5]], folder / "part.h5")
+    with h5py.File(folder / "part.h5") as file:
+        assert file["entry/data/label"].asstr()[:].tolist() == [run.labels[7], run.labels[5]]
+        assert file["entry/data/time"][:].tolist() == run.time[[7, 5]].astype(int).tolist()
 
 
 def test_record_without_data_from_a_sensor_is_marked_as_invalid_for_that_sensor(folder, tmp_path):

@@ -179,8 +179,8 @@ def write_h5(run: Run, path: pathlib.Path, progress: Progress) -> int:
 
     with h5py.File(path, "w") as file:
         tables = {name: run.table(name) for name in run.tables}
-        # omits rows that were added after the run was opened
-        record = {name: values[:len(run)] for name, values in tables["record"].items()}
+        places = np.searchsorted(tables["record"]["idx"], run.index)
+        record = {name: values[places] for name, values in tables["record"].items()}
         entry = file.create_group("entry")
         data = entry.create_group("data")
         index = put(data, "record", run.index, units="1")

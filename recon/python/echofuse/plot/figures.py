@@ -227,11 +227,10 @@ def timeline(run: runs.Run | Path, *, ax: Panels = None) -> Figure:
     in red. A sensor without any data has no panel."""
     run = opened(run)
     window = float(run.info["window_s"])
-    used = np.array(run.select("SELECT spd_used, radar_used, depth_used FROM record ORDER BY idx"),
-                    float)
-    clocks = np.array(run.select("SELECT idx, spd_clock_residual_s, radar_clock_residual_s, "
-                   "depth_clock_residual_s FROM "
-                   "record ORDER BY idx"), float)
+    columns_of = [f"{sensor}_{name}" for name in ("used", "clock_residual_s")
+                  for sensor in runs.SENSORS]
+    found = np.array(run.of_records(", ".join(columns_of)), float).reshape(-1, 6)
+    used, clocks = found[:, :3], found[:, 3:]
     names = {"spd": "SPD (clicks/s)", "radar": "radar (frames/s)",
              "depth": "camera (frames/s used)"}
     columns = {sensor: k for k, sensor in enumerate(names)}
@@ -240,17 +239,15 @@ def timeline(run: runs.Run | Path, *, ax: Panels = None) -> Figure:
     *axes, residuals = axes[:len(names) + 1]
     minutes = (run.time - run.time[0]) / np.timedelta64(1, "s") / 60 if len(run) else np.zeros(0)
     for panel, (sensor, name) in zip(axes, names.items()):
-        panel.plot(minutes, used[:, columns[sensor]] / window if len(used) else [],
+        panel.plot(minutes, used[:, columns[sensor]] / window,
                    color=COLOURS[sensor], lw=1)
         panel.vlines(minutes[~run.valid[sensor]], 0, 1, color=COLOURS["bad"], lw=1, alpha=0.6,
                      transform=panel.get_xaxis_transform())
         panel.set_ylabel(name.replace(" ", "\n", 1), fontsize=8)
         panel.set_ylim(bottom=0)
     for sensor in names:
-        if len(clocks):
-            residuals.plot(np.interp(clocks[:, 0], run.index, minutes),
-                           1e6 * clocks[:, 1 + columns[sensor]], color=COLOURS[sensor], lw=1,
-                           label={"spd": "SPD", "depth": "camera"}.get(sensor, sensor))
+        residuals.plot(minutes, 1e6 * clocks[:, columns[sensor]], color=COLOURS[sensor], lw=1,
+                       label={"spd": "SPD", "depth": "camera"}.get(sensor, sensor))
     residuals.set_ylabel("residual\n(µs)", fontsize=8)
     if residuals.lines:
         residuals.legend(fontsize=7, frameon=False, ncols=3, loc="upper left")
