@@ -6,11 +6,11 @@
 #include <cstdio>
 #include <filesystem>
 #include <limits>
-#include <sstream>
 
 #include "acquire/measurement/radar_array.hpp"
 #include "acquire/record/fused_record.hpp"
 #include "drivers/core/median.hpp"
+#include "drivers/util/format.hpp"
 #include "drivers/util/printable.hpp"
 
 namespace echofuse::acquire {
@@ -20,6 +20,8 @@ namespace fs = std::filesystem;
 
 // Maximum number of values in a histogram or range profile, and of pixels in a depth image.
 constexpr std::size_t max_points = 1u << 24, max_pixels = 1u << 23;
+// Limits of the largest value in a range profile.
+constexpr double min_power = 1e-30, max_power = 1e30;
 
 // Returns the smallest factor up to 1000 by which all counts become whole numbers, or 0 if there is
 // no such factor. If the counts are means of f exposures, the factor is f.
@@ -35,27 +37,20 @@ std::uint32_t factor_of(const std::vector<double>& counts) {
   return 0;
 }
 
-// Returns the numbers in a text, or nothing if it contains anything else.
-std::vector<double> numbers_in(const std::string& text) {
-  std::istringstream in(text);
-  std::vector<double> out;
-  for (double number; in >> number;) out.push_back(number);
-  return in.eof() ? out : std::vector<double>{};
-}
-
 record::Antennas antennas_of(const std::vector<std::string>& texts, const std::string& path) {
   record::Antennas out;
   for (const std::string& text : texts) {
     const auto n = numbers_in(text);
-    if (n.size() < 2 || n.size() > 4 || out.size() == record::max_antennas)
+    record::Antenna& a = out.emplace_back();
+    if (n.size() >= 2) a.x = n[0], a.y = n[1];
+    if (n.size() > 2) a.gain = n[2];
+    if (n.size() > 3) a.phase_rad = n[3];
+    if (n.size() < 2 || n.size() > 4 || !a.plausible() || out.size() > record::max_antennas)
       throw Error(ExitCode::config, printable(path) + ": radar.antennas has \"" +
                                         printable(text, 40) + "\"; expected at most " +
                                         std::to_string(record::max_antennas) +
-                                        " strings \"X Y\" or \"X Y GAIN PHASE\"");
-    record::Antenna& a = out.emplace_back();
-    a.x = n[0], a.y = n[1];
-    if (n.size() > 2) a.gain = n[2];
-    if (n.size() > 3) a.phase_rad = n[3];
+                                        " strings \"X Y\" or \"X Y GAIN PHASE\", with a gain from "
+                                        "0.001 to 1000 and other numbers below 1000");
   }
   return out;
 }
@@ -287,10 +282,19 @@ std::vector<double> ArrayFolder::read(NpyFile& file, double minimum, const char*
   std::vector<double> values = file.next_row();
   if (std::ranges::all_of(values, [](double v) { return std::isnan(v); })) return {};
   const auto bad =
-      std::ranges::find_if(values, [&](double v) { return !(v >= minimum && v < 1e30); });
-  if (bad == values.end()) return values;
-  refuse(file, "row " + std::to_string(row_) + " has " + std::to_string(*bad) + "; expected " +
-                   what + ", or NaN in the whole row for a missing sensor");
+      std::ranges::find_if(values, [&](double v) { return !(v >= minimum && v < max_power); });
+  if (bad != values.end())
+    refuse(file, "row " + std::to_string(row_) + " has " + format("%g", *bad) + "; expected " +
+                     what + ", or NaN in the whole row for a missing sensor");
+  // Smaller numbers lose digits when they are stored as floats.
+  const double largest =
+      std::abs(*std::ranges::max_element(values, {}, [](double v) { return std::abs(v); }));
+  if (largest > 0 && largest < min_power)
+    refuse(file,
+           "row " + std::to_string(row_) +
+               format(" has at most %g; expected values from ", largest) +
+               format("%g to %g; multiply all rows by the same factor", min_power, max_power));
+  return values;
 }
 
 namespace {
@@ -343,9 +347,9 @@ void ArrayFolder::put_counts(record::FusedRecord& r) {
 }
 
 void ArrayFolder::put_power(record::FusedRecord& r) {
-  const std::vector<double> values = read(*radar_, -1e30, "finite power");
+  const std::vector<double> values = read(*radar_, -max_power, "power below 1e30");
   const std::vector<double> array =
-      array_ ? read(*array_, -1e30, "finite numbers") : std::vector<double>{};
+      array_ ? read(*array_, -max_power, "numbers below 1e30") : std::vector<double>{};
   if (values.empty()) return;
   RadarFrame frame;
   frame.power.assign(values.begin(), values.end());
@@ -361,6 +365,11 @@ void ArrayFolder::put_power(record::FusedRecord& r) {
   r.radar = std::move(frame.power);
   mark(r, Sensor::radar, 1);
   if (array.empty()) return;
+  for (std::size_t i = 0; i < array.size(); ++i)
+    if (const auto at = i % record::values_of_bin(antennas_.size());
+        at >= 2 * antennas_.size() && at < 3 * antennas_.size() && array[i] < 0)
+      refuse(*array_, "row " + std::to_string(row_) + " has the antenna power " +
+                          format("%g", array[i]) + "; expected powers of 0 or more");
   r.array.assign(array.begin(), array.end());
   r.array_frames = static_cast<std::uint64_t>(settings_.array_frames);
 }
@@ -391,7 +400,7 @@ std::string ArrayFolder::take_depth(record::FusedRecord& r,
     // Some cameras report the largest value for pixels without a return.
     if (millimetres_ && mm == max_mm) mm = 0;
     r.depth_mm.push_back(static_cast<std::uint16_t>(std::lround(mm)));
-    if (r.depth_mm.back() > 0) returns.push_back(mm);
+    if (mm > 0) returns.push_back(mm);
   }
   if (returns.empty()) return {};
   const std::string fault = fault_of_depths(median(std::move(returns)));

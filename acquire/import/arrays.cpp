@@ -34,7 +34,7 @@ std::vector<std::pair<std::string, std::string>> stated(const ArraySettings& s) 
   if (!record::is_response(given))
     throw Error(ExitCode::config, format("spd.irf_fwhm_ps: expected %g to %g, or 0 if unknown",
                                          record::min_width_ps, record::max_width_ps));
-  if (!s.radar_taps.empty()) {
+  if (!s.radar_taps.empty() || s.radar_cell_m > 0) {
     given.emplace_back("radar_cell_m", shortest_text(s.radar_cell_m));
     given.emplace_back("radar_taps", s.radar_taps);
   }

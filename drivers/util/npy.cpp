@@ -61,7 +61,9 @@ void NpyFile::read_header() {
   const bool known = type.size() == 5 && among(type[1], "<|") && among(type[2], "biuf") &&
                      among(type[3], "1248") && !(type[2] == 'f' && type[3] < '4') &&
                      !(type[2] == 'b' && type[3] != '1');
-  if (!known) refuse("has type " + printable(type) + "; expected little-endian numbers");
+  if (!known)
+    refuse("has type " + printable(type) +
+           "; expected little-endian integers, or floats of 4 or 8 bytes");
   kind_ = type[2], item_bytes_ = static_cast<std::size_t>(type[3] - '0');
   if (value_of(header, "fortran_order") != "False")
     refuse("is in Fortran order; expected C order (numpy.ascontiguousarray)");

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Tests echofuse.write_run and `echofuse-acquire import FOLDER`, which convert NumPy arrays to a run."""
 import json
+import os
 import resource
 import subprocess
 
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 
 import echofuse
+from echofuse import plot
 from echofuse.bench import derive
 from echofuse.runs import antennas
 from fixtures import BIN, program
@@ -34,9 +36,9 @@ def test_run_written_from_arrays_reads_back_the_same_arrays(tmp_path):
     assert all(valid.all() for valid in run.valid.values()) and run.info["status"] == "complete"
 
 
-@pytest.mark.parametrize("kind", ["u1", "i1", "u2", "i2", "u4", "i4", "u8", "i8", "f4", "f8", "?"])
+@pytest.mark.parametrize("kind", ["u1", "i1", "u2", "i2", "u4", "i4", "u8", "i8", "f4", "f8", "g", "?"])
 def test_write_run_accepts_integer_float_and_bool_arrays(tmp_path, kind):
-    spd = (np.arange(60).reshape(4, 15) % 100).astype(kind)
+    spd = (np.arange(60).reshape(4, 15) % 100 + (1 << 24) * (np.dtype(kind).itemsize > 4)).astype(kind)
     assert np.array_equal(write(tmp_path / "own", spd=spd).spd, spd.astype(np.uint32))
 
 
@@ -77,7 +79,12 @@ def test_masked_pixels_of_depth_images_have_no_return(tmp_path):
     ("radar_taps: None (expected a sequence)", {"spd": np.ones((3, 5)), "radar_taps": None}),
     ("window_s: None (expected a number)", {"spd": np.ones((3, 5)), "window_s": None}),
     ("map_size: 16.5 (expected an integer)", {"spd": np.ones((3, 5)), "map_size": 16.5}),
+    ("map_size: 10000000000000000000 (expected an integer)", {"spd": np.ones((3, 5)), "map_size": 10 ** 19}),
     ("signal['spd_clicks']: [1] (expected a number)", {"spd": np.ones((3, 5)), "signal": {"spd_clicks": [1]}}),
+    ("signal: [('spd_clicks', 1)] (expected a dict)", {"spd": np.ones((3, 5)), "signal": [("spd_clicks", 1)]}),
+    ("labels: {'a'} (expected a sequence)", {"spd": np.ones((1, 5)), "labels": {"a"}}),
+    ("labels: {'a': 1} (expected a sequence)", {"spd": np.ones((1, 5)), "labels": {"a": 1}}),
+    ("labels: 1704067200000000000 (expected text or a number)", {"spd": np.ones((1, 5)), "labels": np.array(["2024"], "M8[ns]")}),
     ("notes: [] (expected text or a number)", {"spd": np.ones((3, 5)), "notes": []}),
     ("labels: '\\ud800' (expected valid Unicode text)", {"spd": np.ones((1, 5)), "labels": ["\ud800"]}),
     ("labels: b'a' (expected text or a number)", {"spd": np.ones((1, 5)), "labels": [b"a"]}),
@@ -94,6 +101,7 @@ def test_write_run_refuses_arguments_that_are_not_arrays_of_numbers(tmp_path, sa
 
 
 @pytest.mark.parametrize("given, stored", [(np.arange(3), ["0", "1", "2"]), ([0.5, None, np.str_("x")], ["0.5", "", "x"]),
+                                           ([np.nan, np.ma.masked, np.datetime64("NaT")], ["", "", ""]), (["nan", "NaT", "<NA>"],) * 2,
                                            ("\U0001f600\x7f\t\"\\\n\xfc", 3)])
 def test_labels_may_be_numbers_and_contain_any_character(tmp_path, given, stored):
     labels = {"label": given} if stored == 3 else {"labels": given}
@@ -115,6 +123,8 @@ def test_write_run_refuses_the_name_of_a_folder(tmp_path, monkeypatch, name):
     if name:
         done = subprocess.run([ACQUIRE, "import", tmp_path / "d", "--out", name], capture_output=True, text=True, check=False)
         assert done.returncode == 2 and "expected the name of a run file" in done.stderr
+    with pytest.raises(RuntimeError, match=r"/x{251}\.sqlite: File name too long$"):
+        write("x" * 251, spd=np.ones((3, 5)))
     with pytest.raises(FileNotFoundError, match="no such folder: '.*/missing'"):
         write(tmp_path / "missing/x", spd=np.ones((3, 5)))
     assert not list((tmp_path / "d").iterdir()) and len(list(tmp_path.iterdir())) == 1
@@ -122,6 +132,8 @@ def test_write_run_refuses_the_name_of_a_folder(tmp_path, monkeypatch, name):
 
 def test_annotate_refuses_a_run_that_has_been_replaced(tmp_path):
     run = write(tmp_path / "own", spd=np.ones((3, 5)))
+    with pytest.raises(RuntimeError, match="the note is empty"):
+        echofuse.annotate(run, " ", program=ACQUIRE)
     (tmp_path / "own.sqlite").unlink()
     write(tmp_path / "own", spd=np.ones((3, 5)))
     with pytest.raises(ValueError, match="contains another run"):
@@ -134,6 +146,7 @@ def test_rows_of_a_run_have_one_dimension(tmp_path):
     for rows in ([[0, 1], [1, 2]], np.array(1)):
         with pytest.raises(IndexError, match="expected a slice, a mask or a list"):
             run[rows]
+    assert plot.timeline(run[1:]).axes and run[[2, 0]].labels == ["", ""]
     for wrong in (lambda: run.maps([3]), lambda: run.map_of(3), lambda: run.depth_mm(3), lambda: run.maps([True])):
         with pytest.raises(IndexError, match="out of bounds|did not match"):
             wrong()
@@ -163,14 +176,21 @@ def test_images_that_are_resampled_to_maps_of_64_pixels_are_named(tmp_path, size
     ("expected a shape that matches radar.npy and radar.antennas",
      {"radar": np.ones((3, 5)), "array": np.ones((3, 5, 7)), "antennas": [(0, 0)]}),
     ("\"1.0\"; expected at most 12 strings", {"radar": np.ones((3, 5)), "antennas": [(1,)]}),
+    ("\"0.0 0.0 0.0 0.0\"; expected at most 12 strings", {"radar": np.ones((3, 5)), "antennas": [(0, 0, 0, 0)]}),
+    ("array: row 1 has the antenna power -1; expected powers of 0 or more",
+     {"radar": np.ones((3, 5)), "array": np.array([1, -1, 1])[:, None, None] * np.ones((3, 5, 10)), "antennas": [(0, 0), (1, 0)]}),
+    ("unknown key \"signal.a b\\n\"", {"spd": np.ones((3, 5)), "signal": {"a b\n": 1}}),
     ("exceeds 32 bits", {"spd": np.full((3, 5), 2.0 ** 33)}),
-    ("expected finite power", {"radar": np.array([[1, np.inf, 1]])}),
+    ("has inf; expected power below 1e30", {"radar": np.array([[1, np.inf, 1]])}),
+    ("row 0 has at most 1e-35; expected values from 1e-30 to 1e+30; multiply", {"radar": np.full((3, 5), 1e-35)}),
+    ("radar.taps: expected 3 to 64 numbers", {"radar": np.ones((3, 5)), "radar_cell_m": 0.25}),
     ("radar.taps: expected 3 to 64 numbers", {"radar": np.ones((3, 5)), "radar_cell_m": 0.25, "radar_taps": [1, np.nan, 1]}),
     ("radar.taps: expected 3 to 64 numbers", {"radar": np.ones((3, 5)), "radar_cell_m": 0.25, "radar_taps": [1, 2]}),
     ("spd.irf_fwhm_ps: expected 0.1 to 100000", {"spd": np.ones((3, 5)), "irf_fwhm_ps": 0.05}),
     ("radar.cell_m above 0", {"radar": np.ones((3, 5)), "radar_taps": [1, 0.5, 0.1]}),
     ("2 labels, but there are 3 records", {"spd": np.ones((3, 5)), "labels": ["a", "b"]}),
     ("cannot be read: record 9999: its slot", {"spd": np.ones((10000, 5)), "window_s": 1e6}),
+    ("row 0: its median is 0 mm; expected depths in metres", {"spd": np.ones((3, 5)), "depth_m": np.full((3, 16, 16), 4e-4)}),
     ("expected 0 to 65.5 m", {"spd": np.ones((3, 5)), "depth_m": np.full((3, 16, 16), 2900.0)}),
     ("its median is 3 mm; expected depths in millimetres (for metres pass floating-point numbers)", {"spd": np.ones((3, 5)), "depth_m": np.full((3, 16, 16), 3)}),
 ])
@@ -270,7 +290,7 @@ def test_began_argument_sets_the_start_time_of_an_imported_run(tmp_path):
     assert "2024-02-07T12:00:00" in listed
     assert events(write(tmp_path / "today", **scene())) == [
         "start time unknown: the modification time of radar.npy is used; set it with --began UTC"]
-    for text in ("2024-02-30", "2024-02-07T13:00:00+25:00", "2024-02-07T13:00:00+1", "noon"):
+    for text in (0, "2024-02-30", "2024-02-07T13:00:00+25:00", "2024-02-07T13:00:00+1", "noon"):
         with pytest.raises(RuntimeError, match="expected a time such as"):
             write(tmp_path / "other", began=text, **scene())
 
@@ -305,7 +325,7 @@ def test_import_refuses_an_npy_data_type_that_contains_a_nul_byte(tmp_path):
     (tmp_path / "spd.npy").write_bytes(whole.replace(b"<u4", b"<u\0"))
     (tmp_path / "run.toml").write_text("")
     done = subprocess.run([ACQUIRE, "import", tmp_path, "--out", tmp_path / "own"], capture_output=True, text=True, check=False)
-    assert done.returncode == 1 and "has type '<u\\x00'; expected little-endian numbers" in done.stderr
+    assert done.returncode == 1 and "has type '<u\\x00'; expected little-endian integers, or floats" in done.stderr
 
 
 def test_write_run_stores_the_radar_response_and_antennas(tmp_path):
@@ -382,6 +402,9 @@ def test_split_uses_the_sensors_of_the_run_and_names_missing_data_if_no_record_r
     ("index: record 3 has 2 maps", np.ones((2, 4, 4)), [3, 3]),
     ("index: int64 [3] (expected 2 record indices)", np.ones((2, 4, 4)), [1, 2, 3]),
     ("index: float64 [2] (expected 2 record indices)", np.ones((2, 4, 4)), [1, np.nan]),
+    ("index: int64 [2] (expected 2 record indices)", np.ones((2, 4, 4)), [1, -1]),
+    ("index: int64 [2] (expected 2 record indices)", np.ones((2, 4, 4)), np.ma.masked_equal([1, 2], 2)),
+    ("maps: bool (expected depths in metres)", np.ones((2, 4, 4), bool), [1, 2]),
     ("has no record 12", np.ones((2, 4, 4)), [3, 12]),
     ("depth_m: shape [4, 4] (expected [n, N, N])", np.ones((4, 4)), [3]),
     ("expected metres, not millimetres", np.full((2, 4, 4), 3000), [1, 2]),
@@ -394,6 +417,9 @@ def test_save_maps_refuses_wrong_record_indices(tmp_path, said, maps, index):
     assert said in str(refused.value) and not (tmp_path / "maps").exists()
 
 
-def test_open_refuses_a_folder(tmp_path):
-    with pytest.raises(IsADirectoryError, match="is a folder; expected a run file"):
-        echofuse.open(tmp_path)
+def test_open_refuses_a_folder_and_a_special_file(tmp_path):
+    (tmp_path / "a.sqlite").mkdir()
+    os.mkfifo(tmp_path / "b.sqlite")
+    for place, kind in ((tmp_path, IsADirectoryError), (tmp_path / "a", IsADirectoryError), (tmp_path / "b", ValueError), ("/dev/null", ValueError)):
+        with pytest.raises(kind, match="is (a folder|not a regular file); expected a run file"):
+            echofuse.open(place)

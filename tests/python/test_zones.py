@@ -40,6 +40,12 @@ def test_tangent_of_a_zone_width_must_be_positive_and_at_most_200(tmp_path):
     assert not wide[1]._replace(width=200.1).plausible() and not wide[1]._replace(width=0.0).plausible()
 
 
+def test_zones_of_unknown_direction_keep_their_time_zero(tmp_path):
+    unknown = [zone._replace(x=np.nan, y=np.nan, width=np.nan, zero_ps=zero_ps) for zone, zero_ps in zip(TWO, (0.0, 150.0))]
+    run = write(tmp_path / "own", spd=counts(), zones=unknown)
+    assert [zone.text for zone in write(tmp_path / "again", spd=run.spd, zones=run.zones).zones] == [zone.text for zone in unknown]
+
+
 def test_run_with_one_zone_is_read_as_a_single_pixel_run(tmp_path):
     run = write(tmp_path / "own", spd=counts(histograms=1))
     assert run.zones == [] and run.spd.shape == (3, 30) and "zone" not in run.tables
