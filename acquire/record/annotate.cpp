@@ -123,6 +123,8 @@ void put(const std::string& name, const std::string& level, const std::string& t
 }  // namespace
 
 void put_note(const std::string& path, const std::string& text, const std::string& who) {
+  if (text.find_first_not_of(" \t\r\n") == std::string::npos)
+    throw Error(ExitCode::usage, "the note is empty; expected a text");
   // RunReader throws if `path` is not a run file.
   if (RunReader(path).info().status == crashed_without_wal)
     cannot_annotate(

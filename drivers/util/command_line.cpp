@@ -2,6 +2,7 @@
 #include "drivers/util/command_line.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cctype>
 #include <cmath>
 #include <cstdlib>
@@ -140,6 +141,15 @@ std::string finite(const std::string& text) {
   return std::isfinite(std::strtod(text.c_str(), nullptr)) ? "" : text + ": expected a number";
 }
 
+std::string not_empty(const std::string& text) { return text.empty() ? "expected a name" : ""; }
+
+// Returns true if the value of the option is the name of a file or folder.
+bool is_name(const CLI::Option& option) {
+  const std::string type = option.get_type_name();
+  return std::ranges::any_of(std::array{"FILE", "FOLDER", "MODEL", "RUN", "TABLE"},
+                             [&](const char* kind) { return type.find(kind) != type.npos; });
+}
+
 // `above`: lines at the end of the help that refer to the parents' options.
 void set_up(CLI::App& app, const std::shared_ptr<CLI::FormatterBase>& formatter,
             const std::string& above = {}, const std::string& path = {}) {
@@ -155,6 +165,7 @@ void set_up(CLI::App& app, const std::shared_ptr<CLI::FormatterBase>& formatter,
   std::string own;
   for (CLI::Option* option : app.get_options()) {
     if (option->get_type_name().find("FLOAT") != std::string::npos) option->check(finite);
+    if (is_name(*option)) option->check(not_empty);
     if (option != app.get_help_ptr() && option != app.get_version_ptr())
       own += (own.empty() ? "" : ", ") + option->get_name();
   }

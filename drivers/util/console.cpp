@@ -13,6 +13,7 @@
 #include <cstdlib>
 #include <cstring>
 #include <exception>
+#include <filesystem>
 #include <sstream>
 #include <utility>
 
@@ -63,6 +64,8 @@ int run_main(const std::string& program, const std::function<ExitCode()>& body) 
     return deliver(body());
   } catch (const Error& e) {
     return complain(e.what(), e.code());
+  } catch (const std::filesystem::filesystem_error& e) {
+    return complain((e.path1().string() + ": " + e.code().message()).c_str(), ExitCode::failed);
   } catch (const std::exception& e) {
     return complain(e.what(), ExitCode::failed);
   }

@@ -183,7 +183,21 @@ void NewFile::fail() const {
   throw Error(ExitCode::disk, printable(place_) + ": cannot be written: " + std::strerror(errno));
 }
 
+void refuse_run_or_model(const std::string& path) {
+  std::error_code none;
+  if (!fs::is_regular_file(path, none)) return;
+  std::string start(9, '\0');
+  std::ifstream(path, std::ios::binary).read(start.data(), std::ssize(start));
+  // A model begins with the length of its header, 8 bytes, and "{".
+  const bool run = start.starts_with("SQLite"),
+             model = start.ends_with(std::string("\0\0\0\0{", 5));
+  if (run || model)
+    throw Error(ExitCode::usage, printable(path) + ": is a " + (run ? "run" : "model") +
+                                     "; choose another name for the output");
+}
+
 void write_atomically(const std::string& path, std::string_view text) {
+  refuse_run_or_model(path);
   NewFile file(path);
   file.append(text);
   file.publish();

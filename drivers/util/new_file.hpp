@@ -54,7 +54,11 @@ class NewFile {
   bool database_ = false, keep_ = false;
 };
 
+// Throws Error(usage) if the file is a run or a model, which other output must not replace.
+void refuse_run_or_model(const std::string& path);
+
 // Writes the whole file atomically. If this fails, PATH is unchanged and Error(disk) is thrown.
+// Throws Error(usage) if the file is a run or a model.
 void write_atomically(const std::string& path, std::string_view text);
 
 // Waits until the file's data have been written to the disk. Throws Error(disk).

@@ -6,7 +6,10 @@
 #include <CLI/CLI.hpp>
 #include <csignal>
 #include <cstdio>
+#include <filesystem>
 
+#include "acquire/record/run_file.hpp"
+#include "acquire/record/run_names.hpp"
 #include "drivers/util/command_line.hpp"
 #include "drivers/util/console.hpp"
 #include "drivers/util/new_file.hpp"
@@ -49,6 +52,8 @@ ExitCode show(const Options& o) {
                  printable(e.what()).c_str());
   }
   if (!o.save.empty()) {
+    if (!std::filesystem::is_directory(o.server.run))
+      static_cast<void>(record::RunReader(record::old_run(o.server.run)));
     FollowedRun run(o.server.run);
     RunMessages messages(run, model ? &*model : nullptr, o.server.planned, clock);
     write_atomically(o.save, saved_page(messages, o.records));

@@ -183,7 +183,9 @@ struct Lab::Impl {
       throw Error(ExitCode::usage,
                   dir.string() + ": another laboratory is running in this directory");
     if (!o.faults.empty()) plan.faults = read_faults(read_config_text(o.faults), o.faults);
-    if (!o.log.empty()) plan.sent_log = &sent_log.emplace(o.log);
+    if (o.log.empty()) return;
+    refuse_run_or_model(o.log);
+    plan.sent_log = &sent_log.emplace(o.log);
   }
 
   ~Impl() {

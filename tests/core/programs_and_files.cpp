@@ -41,6 +41,13 @@ TEST_CASE("a file is replaced completely or not at all") {
   write_atomically(path, "new");
   CHECK(contents(path) == "new");
   CHECK_THROWS_AS(write_atomically(folder.path / "none" / "a.txt", "new"), Error);
+  for (const auto& [start, kind] : {std::pair{std::string("SQLite format 3"), "run"},
+                                    {std::string("\1\1\0\0\0\0\0\0{", 9), "model"}}) {
+    std::ofstream(path, std::ios::binary) << start;
+    CHECK_THROWS_WITH(write_atomically(path, "new"),
+                      path + ": is a " + kind + "; choose another name for the output");
+    CHECK(contents(path) == start);
+  }
 }
 
 TEST_CASE("the -wal file of another database is renamed, not deleted") {
