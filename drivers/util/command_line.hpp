@@ -7,6 +7,8 @@
 
 namespace echofuse {
 
+inline constexpr double max_seed = 1e18;  // limit of --seed
+
 // Parses like app.parse(). If a command or option is unknown, the message of CLI::ParseError
 // suggests the most similar name. Error messages describe ranges in plain words. `help` as the
 // first word means --help. Commands accept their parents' options, and list them in their --help.

@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "recon/cli/train_settings.hpp"
 
-#include <CLI/CLI.hpp>
-
+#include "drivers/util/command_line.hpp"
 #include "recon/numbers/text.hpp"
 #include "recon/train/crossvalidate.hpp"
 
@@ -17,6 +16,7 @@ void add_split_options(CLI::App& app, TrainOptions& options,
       ->capture_default_str();
   app.add_option("--seed", options.fit.seed,
                  "random seed for the initial weights, the training order and the random split")
+      ->check(CLI::Range(0.0, max_seed))
       ->capture_default_str();
   app.add_option("--split", options.split.kind,
                  "how the records are split into training, validation and test parts: random, or "

@@ -10,6 +10,7 @@
 
 #include "drivers/core/random.hpp"
 #include "drivers/util/exit_code.hpp"
+#include "drivers/util/format.hpp"
 #include "drivers/util/printable.hpp"
 #include "recon/data/files.hpp"
 #include "recon/numbers/statistics.hpp"
@@ -107,6 +108,9 @@ std::vector<NamedScores> read_scores(const std::string& path) {
   std::map<std::string, std::map<std::int64_t, std::vector<MapScores>>> lines;
   while (std::getline(text, line)) {
     auto fields = csv_fields(line);
+    if (fields.size() != head.size())
+      throw Error(ExitCode::failed, path + format(": a line has %zu fields; expected %zu",
+                                                  fields.size(), head.size()));
     // The additional empty field is used for metrics without a column.
     fields.resize(head.size() + 1);
     MapScores scores;

@@ -188,7 +188,7 @@ void add_dataset(CLI::App& app, Command& command) {
                   "number of records that show the object; --set object=FILE names its OBJ file")
       ->check(count);
   sub->add_option("--seed", a->seed, "random seed; default: " + std::to_string(plan.seed))
-      ->check(CLI::NonNegativeNumber);
+      ->check(CLI::Range(0.0, max_seed));
   add_plan_options(*sub, *a);
   sub->add_option("--like", a->like,
                   "simulate the instrument response, axes and baseline of this calibration file")

@@ -19,8 +19,8 @@ namespace {
 constexpr std::size_t max_triangles = 1'000'000;
 constexpr double farthest = 1e6;  // largest allowed absolute coordinate, in units of the mesh
 
-// Splits a string into words, line by line. Skips a byte order mark. A line that ends with a
-// backslash continues on the next line.
+// Splits a string into words, line by line. Skips a byte order mark and comments. A line that ends
+// with a backslash continues on the next line.
 class WordReader {
  public:
   WordReader(std::string_view text, const std::string& name) : text_(text), name_(name) {
@@ -38,7 +38,7 @@ class WordReader {
       goes_on = line_text_.ends_with('\\');
       if (goes_on) line_text_.back() = ' ';
     }
-    rest_ = line_text_;
+    rest_ = std::string_view(line_text_).substr(0, line_text_.find('#'));
     return true;
   }
   // Returns the next word of the line; empty at the end of the line.

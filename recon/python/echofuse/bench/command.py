@@ -25,7 +25,7 @@ import numpy as np
 
 from .. import __version__, runs
 from ..models.maps import load_maps
-from ..runs.programs import EXIT_CODES, ProgramError, UsageError
+from ..runs.programs import EXIT_CODES, ProgramError, UsageError, positive
 from . import letters, recipe, stability
 from .methods import method
 from .table import Table, fill, finish, pareto_cells, source_line
@@ -53,10 +53,10 @@ def add_table_options(command: argparse.ArgumentParser) -> None:
     command.add_argument("--out", required=True, metavar="CSV",
                          help="CSV table to write; rows that it already contains are not measured "
                               "again")
-    command.add_argument("--seeds", type=int,
+    command.add_argument("--seeds", type=positive,
                          help="number of training runs per method, each with its own seed "
                               "(default: 3, or the number in the recipe)")
-    command.add_argument("--jobs", type=int, default=1,
+    command.add_argument("--jobs", type=positive, default=1,
                          help="number of table rows that are measured in parallel (default: 1)")
     command.add_argument("--part", type=parse_part, default=(1, 1), metavar="K/N",
                          help="measure only part K of N parts of the table, e.g. 3/8 in a Slurm "

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..runs.programs import ProgramError, UsageError, call
+from ..runs.programs import ProgramError, UsageError, call, positive
 from . import derive, fog, table as tables
 from .conditions import BASE, Axis, World, recorded_axes, simulated_axes
 from .methods import CONSTANT, Method, Row, method, version
@@ -222,9 +222,9 @@ def add_command(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--quick", action="store_true",
                         help="measure fewer values per axis, with only 1000 training records and "
                              "300 test records")
-    parser.add_argument("--records", type=int, help="number of simulated training records "
+    parser.add_argument("--records", type=positive, help="number of simulated training records "
                                                     "(default: 3600)")
-    parser.add_argument("--test-records", type=int, help="number of simulated test records "
+    parser.add_argument("--test-records", type=positive, help="number of simulated test records "
                                                          "(default: 1000)")
     parser.add_argument("--set", nargs="*", default=[], metavar="KEY=VALUE",
                         help="simulator settings of the base condition, e.g. background=room")

@@ -2,15 +2,24 @@
 """Calls the C++ programs of echofuse."""
 from __future__ import annotations
 
+import argparse
 import os
 import pathlib
 import subprocess
 import sys
 
-__all__ = ["EXIT_CODES", "ProgramError", "UsageError", "call", "not_started", "path_of"]
+__all__ = ["EXIT_CODES", "ProgramError", "UsageError", "call", "not_started", "path_of",
+           "positive"]
 
 
 EXIT_CODES = "exit codes:  0 ok, 1 failed, 2 usage, "  # each program appends its own codes
+
+
+def positive(text: str) -> int:
+    """Parses an option as an integer above 0. Raises argparse.ArgumentTypeError otherwise."""
+    if text.isdecimal() and int(text) > 0:
+        return int(text)
+    raise argparse.ArgumentTypeError(f"{text}: expected an integer above 0")
 
 
 class ProgramError(RuntimeError):
