@@ -2,8 +2,8 @@
 #include "drivers/port/address.hpp"
 
 #include "../catch.hpp"
+#include "../fixtures/error.hpp"
 #include "drivers/port/backoff.hpp"
-#include "drivers/util/exit_code.hpp"
 
 using namespace echofuse;
 using namespace echofuse::port;
@@ -40,14 +40,8 @@ TEST_CASE("the error for an invalid device address contains the address and the 
       {"hid:04b4-1004", "hid:VVVV:PPPP"},
       {"serial:ttyUSB0", "absolute path"},
   }));
-  CAPTURE(text);
-  try {
-    parse_address(text);
-    FAIL("accepted");
-  } catch (const Error& error) {
-    CHECK(error.code() == ExitCode::config);
-    CHECK_THAT(error.what(), Catch::Contains("\"" + text + "\"") && Catch::Contains(expected));
-  }
+  CHECK_THAT(test::refusal_by([&, t = text] { parse_address(t); }),
+             Catch::Contains("\"" + text + "\"") && Catch::Contains(expected));
 }
 
 TEST_CASE("the delay between connection attempts doubles up to 2 s") {

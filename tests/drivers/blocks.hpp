@@ -33,14 +33,14 @@ inline Bytes tags_block(std::uint32_t sequence) {
   return make_block(bridge::BlockKind::tags, sequence, payload);
 }
 
-inline Bytes depth_block(std::uint32_t sequence) {
+inline Bytes depth_block(std::uint32_t sequence, std::uint32_t index, std::uint64_t dropped = 0) {
   Bytes payload;
   for (const std::uint32_t size : {2u, 1u}) put(payload, size);
-  put(payload, std::uint64_t{sequence});
-  put(payload, sequence);
+  put(payload, std::uint64_t{index});
+  put(payload, index);
   for (const float axis : {-0.5f, 1.0f, 0.0f, -1.0f}) put(payload, axis);
   for (const int z : {1000, 2000}) put(payload, static_cast<std::uint16_t>(z));
-  return make_block(bridge::BlockKind::depth, sequence, payload);
+  return make_block(bridge::BlockKind::depth, sequence, payload, dropped);
 }
 
 }  // namespace echofuse::test

@@ -11,6 +11,7 @@
 
 using namespace echofuse;
 using boost::asio::ip::tcp;
+using test::depth_block;
 using test::run_until;
 
 namespace {
@@ -37,62 +38,66 @@ struct Server {
 };
 
 struct Bench {
+  void start(std::unique_ptr<Driver> made) {
+    driver = std::move(made);
+    driver->start(sink);
+  }
+  // Starts the driver and accepts its connection.
+  void connect(std::unique_ptr<Driver> made) {
+    start(std::move(made));
+    REQUIRE(server.accept());
+  }
+  template <class Condition>
+  bool until(Condition condition) {
+    return run_until(loop, condition);
+  }
+  std::uint64_t count(const char* name) const { return test::counter(*driver, name); }
+
   port::SystemLoop loop;
   test::KeepingSink sink;
+  Server server{loop};
   std::vector<Bytes> golden = test::read_golden("bridge.hex");
+  std::vector<Bytes> sensors = test::read_golden("bridge_sensors.hex");
+  std::unique_ptr<Driver> driver;
 };
 
 }  // namespace
 
 TEST_CASE("the tagger driver receives tags from a bridge and reports each connection") {
   Bench b;
-  Server server(b.loop);
-  const auto driver = make_tdc(b.loop, {server.address()});
-  driver->start(b.sink);
+  b.start(make_tdc(b.loop, {b.server.address()}));
   CHECK(b.sink.state() == DeviceState::connecting);
-  REQUIRE(server.accept());
+  REQUIRE(b.server.accept());
   const HostTime before = b.loop.now();
-  server.send(test::join({b.golden[0], b.golden[1]}));
-  REQUIRE(run_until(b.loop, [&] { return b.sink.tags.size() == 4; }));
+  b.server.send(test::join({b.golden[0], b.golden[1]}));
+  REQUIRE(b.until([&] { return b.sink.tags.size() == 4; }));
   CHECK(b.sink.state() == DeviceState::streaming);
   CHECK(b.sink.info.model == "Time Tagger Ultra");
   CHECK(b.sink.info.serial == "1808000BBV");
-  CHECK(b.sink.info.address == server.address());
+  CHECK(b.sink.info.address == b.server.address());
   CHECK(b.sink.blocks[0].lost_blocks == 0);
   CHECK(b.sink.blocks[0].received >= before);
   CHECK(b.sink.blocks[0].received <= b.loop.now());
   CHECK(b.sink.tags[1].time_ps == 1'013'443);
-  CHECK(test::counter(*driver, "tags") == 4);
+  CHECK(b.count("tags") == 4);
 
   SECTION("a depth block is rejected by the tagger driver") {
-    server.send(b.golden[2]);
-    REQUIRE(run_until(b.loop, [&] { return test::counter(*driver, "bad_payloads") == 1; }));
-    server.send(test::tags_block(3));
-    REQUIRE(run_until(b.loop, [&] { return b.sink.blocks.size() == 2; }));
+    b.server.send(b.golden[2]);
+    REQUIRE(b.until([&] { return b.count("bad_payloads") == 1; }));
+    b.server.send(test::tags_block(3));
+    REQUIRE(b.until([&] { return b.sink.blocks.size() == 2; }));
     CHECK(b.sink.blocks[1].lost_blocks == 1);  // the rejected block counts as lost
   }
-  SECTION("a lost bridge connection is restored, and one block is counted as lost") {
-    server.client.reset();
-    REQUIRE(run_until(b.loop, [&] { return b.sink.state() == DeviceState::faulted; }));
-    CHECK(b.sink.events.size() == 1);
-    REQUIRE(server.accept());
-    server.send(test::join({b.golden[0], b.golden[1], test::tags_block(4)}));
-    REQUIRE(run_until(b.loop, [&] { return b.sink.blocks.size() == 3; }));
-    CHECK(b.sink.state() == DeviceState::streaming);
-    CHECK(b.sink.blocks[1].lost_blocks == 1);
-    CHECK(b.sink.blocks[2].lost_blocks == 2);
-    CHECK(test::counter(*driver, "connections") == 2);
-  }
   SECTION("a goodbye block ends the bridge connection") {
-    server.send(b.golden[3]);
-    REQUIRE(run_until(b.loop, [&] { return b.sink.state() == DeviceState::faulted; }));
+    b.server.send(b.golden[3]);
+    REQUIRE(b.until([&] { return b.sink.state() == DeviceState::faulted; }));
     CHECK(b.sink.events ==
           std::vector<std::string>{
               "bridge closed the connection: device unplugged, or another client connected"});
   }
   SECTION("the tagger driver reports no event after stop()") {
-    server.send(b.golden[1]);
-    driver->stop();
+    b.server.send(b.golden[1]);
+    b.driver->stop();
     const std::size_t calls = b.sink.calls();
     b.loop.run_for(std::chrono::milliseconds(100));
     CHECK(b.sink.calls() == calls);
@@ -101,14 +106,11 @@ TEST_CASE("the tagger driver receives tags from a bridge and reports each connec
 
 TEST_CASE("the tagger driver reports missing blocks and items with the next data") {
   Bench b;
-  Server server(b.loop);
-  const auto driver = make_tdc(b.loop, {server.address()});
-  driver->start(b.sink);
-  REQUIRE(server.accept());
-  server.send(test::join(
+  b.connect(make_tdc(b.loop, {b.server.address()}));
+  b.server.send(test::join(
       {b.golden[0], b.golden[2]}));  // block 1 (golden[1]) is not sent and counts as lost
-  REQUIRE(run_until(b.loop, [&] { return test::counter(*driver, "bad_payloads") == 1; }));
-  CHECK(test::counter(*driver, "lost_blocks") == 1);
+  REQUIRE(b.until([&] { return b.count("bad_payloads") == 1; }));
+  CHECK(b.count("lost_blocks") == 1);
   CHECK(b.sink.blocks.empty());
   CHECK(b.sink.events ==
         std::vector<std::string>{
@@ -122,8 +124,7 @@ TEST_CASE("an unreachable bridge is retried, but reported only once") {
     const Server gone(b.loop);
     port = gone.acceptor.local_endpoint().port();
   }
-  const auto driver = make_tdc(b.loop, {"bridge:tcp://127.0.0.1:" + std::to_string(port)});
-  driver->start(b.sink);
+  b.start(make_tdc(b.loop, {"bridge:tcp://127.0.0.1:" + std::to_string(port)}));
   b.loop.run_for(std::chrono::milliseconds(400));
   CHECK(b.sink.state() == DeviceState::faulted);
   REQUIRE(b.sink.events.size() == 1);
@@ -133,14 +134,12 @@ TEST_CASE("an unreachable bridge is retried, but reported only once") {
   Server server(b.loop, port);
   REQUIRE(server.accept());
   server.send(b.golden[0]);
-  CHECK(run_until(b.loop, [&] { return b.sink.state() == DeviceState::streaming; }));
+  CHECK(b.until([&] { return b.sink.state() == DeviceState::streaming; }));
 }
 
 TEST_CASE("a server that does not use the bridge protocol is refused and reported once") {
   Bench b;
-  Server server(b.loop);
-  const auto driver = make_tdc(b.loop, {server.address()});
-  driver->start(b.sink);
+  b.start(make_tdc(b.loop, {b.server.address()}));
   const auto [bytes, text] = GENERATE_COPY(
       std::pair(
           Bytes{'S', 'S', 'H', '-', '2', '.', '0', '\r', '\n'},
@@ -149,9 +148,9 @@ TEST_CASE("a server that does not use the bridge protocol is refused and reporte
                 std::string("the hello block is not valid: expected a JSON object with model, "
                             "serial and firmware")));
   for (std::uint64_t round = 1; round <= 2; ++round) {
-    REQUIRE(server.accept());
-    server.send(bytes);
-    REQUIRE(run_until(b.loop, [&] { return b.sink.state() == DeviceState::faulted; }));
+    REQUIRE(b.server.accept());
+    b.server.send(bytes);
+    REQUIRE(b.until([&] { return b.sink.state() == DeviceState::faulted; }));
     CHECK(b.sink.events == std::vector<std::string>{text});
   }
   CHECK(b.sink.states == std::vector<DeviceState>{DeviceState::connecting, DeviceState::faulted});
@@ -159,32 +158,27 @@ TEST_CASE("a server that does not use the bridge protocol is refused and reporte
 
 TEST_CASE("a bridge driver can be destroyed at any time") {
   Bench b;
-  Server server(b.loop);
   for (int steps = 0; steps < 12; ++steps) {
-    auto driver = make_tdc(b.loop, {server.address()});
-    driver->start(b.sink);
+    b.start(make_tdc(b.loop, {b.server.address()}));
     int left = steps;  // number of further checks of the condition before the loop stops
     b.loop.run_until([&] { return left-- == 0; }, b.loop.now() + std::chrono::milliseconds(steps));
-    driver.reset();
+    b.driver.reset();
     b.loop.run_for(std::chrono::milliseconds(5));
   }
 }
 
 TEST_CASE("the camera driver receives depth frames and axes from a bridge") {
   Bench b;
-  Server server(b.loop);
-  const auto driver = make_depth(b.loop, {server.address()});
-  driver->start(b.sink);
-  REQUIRE(server.accept());
-  server.send(b.golden[0]);
+  b.connect(make_depth(b.loop, {b.server.address()}));
+  b.server.send(b.golden[0]);
   b.loop.run_for(std::chrono::milliseconds(30));
   // The state is `connecting` until the first frame arrives.
   CHECK(b.sink.state() == DeviceState::connecting);
   const Bytes depth = b.golden[2];
   const Bytes next =
       test::make_block(bridge::BlockKind::depth, 3, ByteView(depth).subspan(bridge::header_bytes));
-  server.send(test::join({depth, next}));
-  REQUIRE(run_until(b.loop, [&] { return b.sink.depth.size() == 2; }));
+  b.server.send(test::join({depth, next}));
+  REQUIRE(b.until([&] { return b.sink.depth.size() == 2; }));
   CHECK(b.sink.states == std::vector<DeviceState>{DeviceState::connecting, DeviceState::streaming});
   REQUIRE(b.sink.info.axes.size() == 2);
   CHECK(b.sink.info.axes[0].name == "depth_x");
@@ -193,80 +187,57 @@ TEST_CASE("the camera driver receives depth frames and axes from a bridge") {
   CHECK(b.sink.depth[0].depth_mm == std::vector<std::uint16_t>{0, 1000, 2000, 3000, 4000, 0});
   CHECK(b.sink.depth[0].lost_before ==
         6);  // the bridge dropped 5 frames, and block 1 is missing, so 6 frames are lost
-  CHECK(test::counter(*driver, "frames") == 2);
-  server.send(b.golden[1]);
-  CHECK(run_until(b.loop, [&] { return test::counter(*driver, "bad_payloads") == 1; }));
+  CHECK(b.count("frames") == 2);
+  b.server.send(b.golden[1]);
+  CHECK(b.until([&] { return b.count("bad_payloads") == 1; }));
 }
 
 TEST_CASE("lost camera frames are counted by the frame index, even across a reconnection") {
   Bench b;
-  Server server(b.loop);
-  const auto driver = make_depth(b.loop, {server.address()});
-  driver->start(b.sink);
-  const auto frame = [](std::uint32_t sequence, std::uint32_t index) {
-    Bytes payload = test::depth_block(index);
-    payload.erase(payload.begin(), payload.begin() + bridge::header_bytes);
-    return test::make_block(bridge::BlockKind::depth, sequence, payload);
-  };
-  REQUIRE(server.accept());
-  server.send(test::join(
-      {b.golden[0], frame(1, 7), frame(2, 10)}));  // frames 8 and 9 were lost before frame 10
-  REQUIRE(run_until(b.loop, [&] { return b.sink.depth.size() == 2; }));
-  server.client.reset();
-  REQUIRE(server.accept());
-  server.send(test::join({b.golden[0], frame(1, 40), frame(4, 43)}));
-  REQUIRE(run_until(b.loop, [&] { return b.sink.depth.size() == 4; }));
-  server.client.reset();
-  REQUIRE(server.accept());
+  b.connect(make_depth(b.loop, {b.server.address()}));
+  // Frames 8 and 9 were lost before frame 10.
+  b.server.send(test::join({b.golden[0], depth_block(1, 7), depth_block(2, 10)}));
+  REQUIRE(b.until([&] { return b.sink.depth.size() == 2; }));
+  b.server.client.reset();
+  REQUIRE(b.server.accept());
+  b.server.send(test::join({b.golden[0], depth_block(1, 40), depth_block(4, 43)}));
+  REQUIRE(b.until([&] { return b.sink.depth.size() == 4; }));
+  b.server.client.reset();
+  REQUIRE(b.server.accept());
   // The restart of the frame index shows that at least one frame was lost.
-  server.send(test::join({b.golden[0], frame(1, 1)}));
-  REQUIRE(run_until(b.loop, [&] { return b.sink.depth.size() == 5; }));
+  b.server.send(test::join({b.golden[0], depth_block(1, 1)}));
+  REQUIRE(b.until([&] { return b.sink.depth.size() == 5; }));
   const std::uint32_t lost[] = {0, 2, 29, 2, 1};
   for (std::size_t i = 0; i < 5; ++i) CHECK(b.sink.depth[i].lost_before == lost[i]);
-  CHECK(test::counter(*driver, "lost_frames") == 34);
+  CHECK(b.count("lost_frames") == 34);
 }
 
 TEST_CASE("camera frames that the bridge dropped before it numbered them count as lost") {
   Bench b;
-  Server server(b.loop);
-  const auto driver = make_depth(b.loop, {server.address()});
-  driver->start(b.sink);
-  REQUIRE(server.accept());
-  Bytes blocks = b.golden[0];
+  b.connect(make_depth(b.loop, {b.server.address()}));
   // The header of each block states the number of dropped frames. The frame indices of the second
   // and third block have no gap, and that of the fourth block has a gap of two frames.
-  const std::pair<std::uint32_t, std::uint64_t> sent[] = {{7, 0}, {8, 5}, {9, 0}, {12, 1}};
-  std::uint32_t sequence = 0;
-  for (const auto& [index, dropped] : sent) {
-    const Bytes payload = test::depth_block(index);
-    const Bytes block = test::make_block(bridge::BlockKind::depth, ++sequence,
-                                         ByteView(payload).subspan(bridge::header_bytes), dropped);
-    blocks.insert(blocks.end(), block.begin(), block.end());
-  }
-  server.send(blocks);
-  REQUIRE(run_until(b.loop, [&] { return b.sink.depth.size() == 4; }));
+  b.server.send(test::join({b.golden[0], depth_block(1, 7), depth_block(2, 8, 5), depth_block(3, 9),
+                            depth_block(4, 12, 1)}));
+  REQUIRE(b.until([&] { return b.sink.depth.size() == 4; }));
   const std::uint32_t lost[] = {0, 5, 0, 2};
   for (std::size_t i = 0; i < 4; ++i) CHECK(b.sink.depth[i].lost_before == lost[i]);
-  CHECK(test::counter(*driver, "lost_frames") == 7);
+  CHECK(b.count("lost_frames") == 7);
 }
 
 TEST_CASE("the counting-board driver receives histograms and their axis from a bridge") {
   Bench b;
-  Server server(b.loop);
-  const auto pieces = test::read_golden("bridge_sensors.hex");
-  const ByteView counts = ByteView(pieces[1]).subspan(bridge::header_bytes);
-  const auto driver = make_tdc(b.loop, {server.address()});
-  driver->start(b.sink);
-  REQUIRE(server.accept());
-  server.send(pieces[0]);
+  const ByteView counts = ByteView(b.sensors[1]).subspan(bridge::header_bytes);
+  b.connect(make_tdc(b.loop, {b.server.address()}));
+  b.server.send(b.sensors[0]);
   b.loop.run_for(std::chrono::milliseconds(30));
   // The state is `connecting` until the first histogram arrives.
   CHECK(b.sink.state() == DeviceState::connecting);
 
   SECTION("lost histograms are counted by block number") {
-    server.send(
-        test::join({pieces[1], test::make_block(bridge::BlockKind::histogram, 4, counts, 3)}));
-    REQUIRE(run_until(b.loop, [&] { return b.sink.histograms.size() == 2; }));
+    b.server.send(
+        test::join({b.sensors[1], test::make_block(bridge::BlockKind::histogram, 4, counts, 3)}));
+    REQUIRE(b.until([&] { return b.sink.histograms.size() == 2; }));
     CHECK(b.sink.state() == DeviceState::streaming);
     CHECK(b.sink.info.serial == "B7");
     REQUIRE(b.sink.info.axes.size() == 1);
@@ -274,13 +245,13 @@ TEST_CASE("the counting-board driver receives histograms and their axis from a b
     CHECK(b.sink.histograms[0].lost_before == 0);
     // The bridge dropped 3 histograms, and blocks 2 and 3 are missing, so 5 histograms are lost.
     CHECK(b.sink.histograms[1].lost_before == 5);
-    CHECK(test::counter(*driver, "histograms") == 2);
+    CHECK(b.count("histograms") == 2);
   }
   Bytes zones(counts.begin(), counts.end());
   zones[0] = 5, zones[4] = 1;  // 5 zones of 1 bin each
   SECTION("zones without directions in the hello block have unknown directions") {
-    server.send(test::make_block(bridge::BlockKind::histogram, 1, zones));
-    REQUIRE(run_until(b.loop, [&] { return b.sink.histograms.size() == 1; }));
+    b.server.send(test::make_block(bridge::BlockKind::histogram, 1, zones));
+    REQUIRE(b.until([&] { return b.sink.histograms.size() == 1; }));
     CHECK(b.sink.info.axes.at(0).zones == Zones(5));
     CHECK(b.sink.info.axes[0].count == 1);
     CHECK(b.sink.histograms[0].counts.size() == 5);
@@ -288,47 +259,40 @@ TEST_CASE("the counting-board driver receives histograms and their axis from a b
   SECTION("zones are read from the hello block, and a different number of histograms is refused") {
     const std::string hello =
         R"({"sends": "histograms", "zones": [{"x": -0.1, "y": 0, "width": 0.2, "zero_ps": 7.5}]})";
-    server.client.reset();
-    REQUIRE(server.accept());
+    b.server.client.reset();
+    REQUIRE(b.server.accept());
     b.sink.events.clear();  // removes the warning about the lost connection
-    server.send(test::make_block(bridge::BlockKind::hello, 0, test::view_of(hello)));
+    b.server.send(test::make_block(bridge::BlockKind::hello, 0, test::view_of(hello)));
     for (std::uint32_t i = 1; i < 3; ++i)
-      server.send(test::make_block(bridge::BlockKind::histogram, i, zones));
-    REQUIRE(run_until(b.loop, [&] { return test::counter(*driver, "bad_payloads") == 2; }));
+      b.server.send(test::make_block(bridge::BlockKind::histogram, i, zones));
+    REQUIRE(b.until([&] { return b.count("bad_payloads") == 2; }));
     CHECK(b.sink.events ==
           std::vector<std::string>{"its histograms have 5 zones, but the hello block lists 1"});
     CHECK(b.sink.histograms.empty());
-    server.send(test::make_block(bridge::BlockKind::histogram, 3, counts));
-    REQUIRE(run_until(b.loop, [&] { return b.sink.histograms.size() == 1; }));
+    b.server.send(test::make_block(bridge::BlockKind::histogram, 3, counts));
+    REQUIRE(b.until([&] { return b.sink.histograms.size() == 1; }));
     CHECK(b.sink.info.axes.at(0).zones == Zones{{-0.1, 0, 0.2, 7.5}});
   }
 }
 
 TEST_CASE("the error for a hello block that lacks a histogram key contains the name of the key") {
   Bench b;
-  Server server(b.loop);
-  const auto driver = make_tdc(b.loop, {server.address()});
-  driver->start(b.sink);
-  REQUIRE(server.accept());
-  server.send(test::join({b.golden[0], test::read_golden("bridge_sensors.hex")[1]}));
-  REQUIRE(run_until(b.loop, [&] { return !b.sink.events.empty(); }));
+  b.connect(make_tdc(b.loop, {b.server.address()}));
+  b.server.send(test::join({b.golden[0], b.sensors[1]}));
+  REQUIRE(b.until([&] { return !b.sink.events.empty(); }));
   CHECK_THAT(b.sink.events[0], Catch::Contains("add \"sends\": \"histograms\""));
 }
 
 TEST_CASE("the radar driver receives range profiles from a bridge") {
   Bench b;
-  Server server(b.loop);
-  const auto pieces = test::read_golden("bridge_sensors.hex");
-  Bytes later(pieces[2].begin() + bridge::header_bytes, pieces[2].end());
+  Bytes later(b.sensors[2].begin() + bridge::header_bytes, b.sensors[2].end());
   later[4] = 45;  // changes the frame number to 45; the number of the first frame is 42
   RadarConfig config;
-  config.address = server.address();
-  const auto driver = make_radar(b.loop, config);
-  driver->start(b.sink);
-  REQUIRE(server.accept());
-  server.send(test::join(
-      {pieces[0], pieces[2], test::make_block(bridge::BlockKind::range_profile, 3, later)}));
-  REQUIRE(run_until(b.loop, [&] { return b.sink.radar.size() == 2; }));
+  config.address = b.server.address();
+  b.connect(make_radar(b.loop, config));
+  b.server.send(test::join(
+      {b.sensors[0], b.sensors[2], test::make_block(bridge::BlockKind::range_profile, 3, later)}));
+  REQUIRE(b.until([&] { return b.sink.radar.size() == 2; }));
   CHECK(b.sink.state() == DeviceState::streaming);
   CHECK(b.sink.info.sensor == Sensor::radar);
   CHECK(b.sink.info.axes.at(0).quantity == "power");

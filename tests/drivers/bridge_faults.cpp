@@ -122,14 +122,3 @@ TEST_CASE("bridge blocks of wrong size, version or kind are refused even if thei
     CHECK(receive(stream).counts.junk_bytes == header_bytes);
   }
 }
-
-TEST_CASE("a gap in the bridge block numbers is counted, and reading continues") {
-  auto stream = sound_stream();
-  stream.erase(stream.begin() + hit, stream.begin() + hit + 2);
-  const Outcome out = receive(stream);
-  CHECK(out.delivered == last - 1);
-  CHECK(out.lost == 2);
-  CHECK(out.counts.lost_blocks == 2);
-  CHECK(out.counts.gaps == 1);
-  CHECK(out.broken.empty());
-}

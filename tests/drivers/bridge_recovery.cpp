@@ -48,7 +48,7 @@ struct Pair {
     listener.write(sent.back(), [](bool) {});
   }
   Bytes block(std::uint32_t n) const {
-    return kind == Sensor::spd ? test::tags_block(n) : test::depth_block(n);
+    return kind == Sensor::spd ? test::tags_block(n) : test::depth_block(n, n);
   }
   std::vector<std::uint64_t> delivered() const {
     std::vector<std::uint64_t> numbers;

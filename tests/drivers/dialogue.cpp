@@ -160,45 +160,30 @@ TEST_CASE("a radar cfg of another SDK is reported with both SDK versions and the
 }
 
 TEST_CASE("a refused cfg line is reported with its number and the firmware's message") {
+  const std::string stopped = "; the firmware has stopped: reset the board";
+  const auto [wire, failure] = GENERATE_COPY(table<std::string, std::string>(
+      {{answer("flushCfg", "Error: You have provided partial configuration\nError -1\n"),
+        "Error: You have provided partial configuration; Error -1"},
+       {answer("flushCfg", "'flushCfg' is not recognized as a CLI command\n"),
+        "'flushCfg' is not recognized as a CLI command; this radar runs mmWave SDK 03.05.00.04: is "
+        "the cfg for a different demo?"},
+       {"flushCfg\r\nException: ../mss_main.c, line 1234.\n\r",
+        "Exception: ../mss_main.c, line 1234. (the firmware"},
+       {"flushCfg\r\nMSS Exception: ../mss/mss_main.c, line 635.\n\r",
+        "MSS Exception: ../mss/mss_main.c, line"},
+       {"flushCfg\r\n", "no answer" + stopped},
+       {"flushCfg\r\nDebug: Init Calibration Status = 0xffe\n\rErro",
+        "no answer after 'Debug: Init Calibration Status = 0xffe; Erro'" + stopped}}));
   Session s;
   s.begin();
   s.say(answer("sensorStop", "Done\n"));
-  SECTION("a firmware error is reported with its explanation") {
-    s.say(answer("flushCfg", "Error: You have provided partial configuration\nError -1\n"));
-    CHECK(s.d.failure() ==
-          "x.cfg:4:   flushCfg: Error: You have provided partial configuration; Error -1");
-  }
-  SECTION("a command that the firmware does not know is reported") {
-    s.say(answer("flushCfg", "'flushCfg' is not recognized as a CLI command\n"));
-    CHECK(s.d.failure() ==
-          "x.cfg:4:   flushCfg: 'flushCfg' is not recognized as a CLI command; this radar runs "
-          "mmWave SDK 03.05.00.04: is the cfg for a different demo?");
-  }
-  SECTION("a crash of the firmware is reported") {
-    s.say("flushCfg\r\nException: ../mss_main.c, line 1234.\n\r");
-    CHECK_THAT(s.d.failure(),
-               Catch::Contains("Exception: ../mss_main.c, line 1234. (the firmware"));
-  }
-  SECTION("a firmware that does not answer is reported") {
-    s.say("flushCfg\r\n");
+  s.say(wire);
+  if (failure.starts_with("no answer")) {
     s.wait(1900ms);
     CHECK(s.d.state() == State::commanding);
     s.wait(100ms);
-    CHECK(s.d.failure() ==
-          "x.cfg:4:   flushCfg: no answer; the firmware has stopped: reset the board");
   }
-  SECTION("a firmware that stops within an answer is reported") {
-    s.say("flushCfg\r\nDebug: Init Calibration Status = 0xffe\n\rErro");
-    s.wait(2s);
-    CHECK(
-        s.d.failure() ==
-        "x.cfg:4:   flushCfg: no answer after 'Debug: Init Calibration Status = 0xffe; Erro'; the "
-        "firmware has stopped: reset the board");
-  }
-  SECTION("an exception in the firmware of another demo is reported") {
-    s.say("flushCfg\r\nMSS Exception: ../mss/mss_main.c, line 635.\n\r");
-    CHECK_THAT(s.d.failure(), Catch::Contains("flushCfg: MSS Exception: ../mss/mss_main.c, line"));
-  }
+  CHECK_THAT(s.d.failure(), Catch::StartsWith("x.cfg:4:   flushCfg: " + failure));
   CHECK(s.d.answered());
   CHECK(s.d.state() == State::failed);
   CHECK_FALSE(s.d.deadline());

@@ -4,8 +4,6 @@
 #include <algorithm>
 #include <array>
 #include <limits>
-#include <numeric>
-#include <optional>
 
 #include "../catch.hpp"
 #include "drivers/core/bytes.hpp"
@@ -24,56 +22,6 @@ Tag tag(std::int32_t channel, std::int64_t time_ps) {
 Tag marker(TagType type, std::int32_t channel = 0, std::uint16_t missed = 0) {
   return {.type = type, .missed_events = missed, .channel = channel};
 }
-
-// Reference implementation that processes one tag at a time and uses 128-bit times.
-struct Reference {
-  HistogramSettings settings;
-  std::vector<std::uint32_t> bins;
-  TagCounts counts;
-  std::optional<std::int64_t> start, previous;
-  bool in_overflow = false;
-
-  explicit Reference(const HistogramSettings& s) : settings(s), bins(s.bins) {}
-
-  void add(const Tag& t) {
-    ++counts.tags;
-    if (t.type == TagType::time_tag) {
-      __int128 step = static_cast<__int128>(t.time_ps) - previous.value_or(t.time_ps);
-      if (step < -(__int128{1} << 63)) step += __int128{1} << 64;
-      if (step >= __int128{1} << 63) step -= __int128{1} << 64;
-      counts.backwards += step < 0;
-      previous = t.time_ps;
-    }
-    const bool known = t.channel == settings.start_channel || t.channel == settings.click_channel;
-    if (t.type != TagType::time_tag) {
-      ++counts.other;
-      if (t.type == TagType::missed_events) {
-        if (known) counts.missed += t.missed_events;
-        return;
-      }
-      counts.overflows += t.type == TagType::overflow_begin;
-      counts.errors += t.type == TagType::error;
-      if (t.type != TagType::error) in_overflow = t.type == TagType::overflow_begin;
-      start.reset();
-    } else if (t.channel == settings.start_channel) {
-      ++counts.starts;
-      if (!in_overflow) start = t.time_ps;
-    } else if (t.channel != settings.click_channel) {
-      ++counts.other;
-    } else if (!start) {
-      ++counts.without_start;
-    } else {
-      add_click(static_cast<__int128>(t.time_ps) - *start - settings.first_bin_ps);
-    }
-  }
-  void add_click(__int128 distance) {
-    if (distance < -(__int128{1} << 63))
-      distance += __int128{1} << 64;  // the tagger's clock has wrapped around since the start tag
-    const bool in = distance >= 0 && distance < __int128{settings.bin_width_ps} * settings.bins;
-    ++(in ? counts.in_range : counts.out_of_range);
-    if (in) ++bins[static_cast<std::size_t>(distance / settings.bin_width_ps)];
-  }
-};
 
 std::vector<Tag> random_tags(Rng& rng, const HistogramSettings& s, std::size_t count) {
   std::vector<Tag> tags;
@@ -145,47 +93,6 @@ TEST_CASE("the last start is kept across slots but not across a gap in the tags"
   h.add(std::vector{tag(2, 250)});
   CHECK(h.tag_counts() == TagCounts{.tags = 1, .without_start = 1});
   CHECK(h.counts() == std::vector<std::uint32_t>(10));
-}
-
-TEST_CASE("histograms of random tags match a reference implementation, even across a clock wrap") {
-  for (std::uint64_t seed = 0; seed < 120; ++seed) {
-    Rng rng = make_rng(seed, 2);
-    const std::int64_t widths[] = {1, 3, 7, 100, 1000, 4096, 999'983};
-    const HistogramSettings s{.start_channel = 3,
-                              .click_channel = -2,
-                              .bin_width_ps = widths[seed % 7],
-                              .first_bin_ps = static_cast<std::int64_t>(rng() % 4000) - 2000,
-                              .bins = static_cast<std::uint32_t>(1 + rng() % 700)};
-    Histogram h(s);
-    Reference reference(s);
-    for (int block = 0; block < 5; ++block) {
-      const auto tags = random_tags(rng, s, 400);
-      h.add(tags);
-      for (const Tag& t : tags) reference.add(t);
-    }
-    REQUIRE(h.counts() == reference.bins);
-    REQUIRE(h.tag_counts() == reference.counts);
-    const TagCounts& c = reference.counts;
-    REQUIRE(c.tags == c.starts + c.in_range + c.out_of_range + c.without_start + c.other);
-    REQUIRE(std::accumulate(reference.bins.begin(), reference.bins.end(), 0u) == c.in_range);
-  }
-}
-
-TEST_CASE("histogram bin edges are exact over the longest time axis") {
-  const std::int64_t width = 67'108'863;  // the bin width is 2^26 - 1, which is not a power of two
-  const std::uint32_t bins = 1u << 24;
-  Histogram h({.bin_width_ps = width, .first_bin_ps = 0, .bins = bins});
-  std::vector<std::uint32_t> expected(bins);
-  std::vector<Tag> tags{tag(1, 5)};
-  Rng rng = make_rng(3, 3);
-  for (int i = 0; i < 20'000; ++i) {
-    const auto bin = static_cast<std::uint32_t>(i == 0 ? bins - 1 : rng() % bins);
-    tags.push_back(tag(2, 5 + bin * width));
-    tags.push_back(tag(2, 5 + (bin + 1) * width - 1));
-    expected[bin] += 2;
-  }
-  h.add(tags);
-  CHECK((h.counts() == expected));
 }
 
 TEST_CASE("start tags inside an overflow interval are ignored") {

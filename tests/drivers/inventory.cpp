@@ -6,11 +6,11 @@
 #include <grp.h>
 #include <unistd.h>
 
-#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 
 #include "../catch.hpp"
+#include "../fixtures/folder.hpp"
 
 using namespace echofuse::inventory;
 namespace fs = std::filesystem;
@@ -20,16 +20,10 @@ namespace {
 class Tree {
  public:
   Tree() {
-    std::string name = (fs::temp_directory_path() / "echofuse-XXXXXX").string();
-    REQUIRE(::mkdtemp(name.data()));
-    root_ = name;
     fs::permissions(root_, fs::perms(0755));
     fs::create_directories(root_ / "sys/bus/usb/devices");
     fs::create_directories(root_ / "dev/serial/by-id");
   }
-  ~Tree() { fs::remove_all(root_); }
-  Tree(const Tree&) = delete;
-  Tree& operator=(const Tree&) = delete;
 
   Roots roots() const { return {dir("sys"), dir("dev")}; }
   std::string dir(const std::string& name) const { return (root_ / name).string(); }
@@ -67,7 +61,8 @@ class Tree {
   static void write(const fs::path& file, const std::string& text) {
     std::ofstream(file) << text << '\n';
   }
-  fs::path root_;
+  const echofuse::test::Folder folder_;
+  const fs::path root_ = folder_.path;
 };
 
 }  // namespace

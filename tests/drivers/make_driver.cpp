@@ -2,39 +2,25 @@
 #include "drivers/make_driver.hpp"
 
 #include "../catch.hpp"
+#include "../fixtures/error.hpp"
 #include "drivers/port/loop.hpp"
-#include "drivers/util/exit_code.hpp"
 
 using namespace echofuse;
-
-namespace {
-
-template <class Make>
-std::string refusal(Make make) {
-  try {
-    make();
-  } catch (const Error& error) {
-    CHECK(error.code() == ExitCode::config);
-    return error.what();
-  }
-  return "accepted";
-}
-
-}  // namespace
+using test::refusal_by;
 
 TEST_CASE("an address for another kind of device is refused when the driver is created") {
   port::SystemLoop loop;
-  const auto tdc = [&](const char* a) { return refusal([&] { make_tdc(loop, {a}); }); };
-  const auto depth = [&](const char* a) { return refusal([&] { make_depth(loop, {a}); }); };
+  const auto tdc = [&](const char* a) { return refusal_by([&] { make_tdc(loop, {a}); }); };
+  const auto depth = [&](const char* a) { return refusal_by([&] { make_depth(loop, {a}); }); };
   const auto radar = [&](const char* cli, const char* data) {
-    return refusal([&] { make_radar(loop, {cli, data, "", "x.cfg"}); });
+    return refusal_by([&] { make_radar(loop, {cli, data, "", "x.cfg"}); });
   };
   CHECK_THAT(tdc("usb:04b4"), Catch::Contains("usb:VVVV:PPPP"));
   CHECK_THAT(tdc("serial:/dev/ttyUSB0"), Catch::Contains("expected the address of a time tagger"));
   CHECK_THAT(tdc("nonsense"), Catch::Contains("\"nonsense\": expected"));
   CHECK_THAT(depth("usb:2bc5:0670"), Catch::Contains("expected the address of a depth camera"));
   CHECK_THAT(radar("hid:10c4:ea80:A", "hid:10c4:ea80:B"), Catch::Contains("has no profileCfg"));
-  CHECK_THAT(refusal([&] {
+  CHECK_THAT(refusal_by([&] {
                make_radar(loop, {"serial:/dev/x", "hid:10c4:ea80", "", "x.cfg", 3'000'000});
              }),
              Catch::Contains("a CP2110 supports 300 to 1000000"));
@@ -42,7 +28,7 @@ TEST_CASE("an address for another kind of device is refused when the driver is c
              Catch::Contains("expected the address of a radar port"));
   RadarConfig bridge;
   bridge.address = "serial:/dev/x";
-  CHECK_THAT(refusal([&] { make_radar(loop, bridge); }),
+  CHECK_THAT(refusal_by([&] { make_radar(loop, bridge); }),
              Catch::Contains("expected the address of a radar: bridge:tcp:"));
   CHECK_THAT(radar("serial:/dev/x", "serial:/dev/y"), Catch::Contains("x.cfg: has no profileCfg"));
 }

@@ -4,13 +4,13 @@
 
 #include <OpenNI.h>
 #include <dlfcn.h>
-#include <unistd.h>
 
 #include <cmath>
 #include <filesystem>
 #include <thread>
 
 #include "../catch.hpp"
+#include "../fixtures/folder.hpp"
 #include "drivers/depth/openni_session.hpp"
 #include "sink.hpp"
 
@@ -68,10 +68,7 @@ struct Bench {
 
 // Uses OpenNI's recorder to create a recording of `count` frames.
 struct Recording {
-  explicit Recording(int count)
-      : path((std::filesystem::temp_directory_path() /
-              ("echofuse-" + std::to_string(::getpid()) + ".oni"))
-                 .string()) {
+  explicit Recording(int count) {
     openni::Device device;
     openni::VideoStream stream;
     openni::Recorder recorder;
@@ -96,10 +93,8 @@ struct Recording {
     device.close();
     REQUIRE(frames > 10);  // the last frames may be missing on a busy machine
   }
-  ~Recording() { std::filesystem::remove(path); }
-  Recording(const Recording&) = delete;
-  Recording& operator=(const Recording&) = delete;
-  std::string path;
+  test::Folder folder;
+  std::string path = folder / "a.oni";
   std::size_t frames = 0;
 };
 

@@ -2,10 +2,10 @@
 #include "drivers/radar/profile.hpp"
 
 #include <cmath>
-#include <fstream>
 
 #include "../catch.hpp"
-#include "../fixtures/paths.hpp"
+#include "../fixtures/folder.hpp"
+#include "../fixtures/shell.hpp"
 #include "drivers/radar/log2_codes.hpp"
 #include "stock_cfg.hpp"
 
@@ -156,9 +156,8 @@ TEST_CASE(
 
 TEST_CASE("the computed radar frame size matches the firmware's tables") {
   const auto bytes = [](const std::string& from, const std::string& to) {
-    std::string text = with(from, to);
-    const std::string fast = "0 100 1 0";  // a frame period that is too short for a heat map
-    return parse_profile(text.replace(text.find(fast), fast.size(), "0 200 1 0"), "").frame_bytes;
+    // The frame period of the stock cfg is too short for a heat map.
+    return parse_profile(with("0 100 1 0", "0 200 1 0", with(from, to)), "").frame_bytes;
   };
   const std::string gui = "guiMonitor -1 1 1 0 0 0 1";
   CHECK(bytes(gui, "guiMonitor -1 0 1 0 0 0 0") == 576);
@@ -183,9 +182,7 @@ std::vector<int> columns(const RadarProfile& p) {
 TEST_CASE("the antenna order of a heat map depends on the board and the order of the chirps") {
   const std::string gui = "guiMonitor -1 1 1 0 0 0 1", on = "guiMonitor -1 0 1 0 1 0 1";
   const auto profile = [&](const std::string& text, Board board = Board::isk) {
-    std::string with_map = text;
-    with_map.replace(with_map.find("0 100 1 0"), 9, "0 200 1 0");
-    return parse_profile(with_map.replace(with_map.find(gui), gui.size(), on), "x.cfg", 921600,
+    return parse_profile(with(gui, on, with("0 100 1 0", "0 200 1 0", text)), "x.cfg", 921600,
                          board);
   };
   CHECK(parse_profile(stock, "").array.empty());
@@ -214,21 +211,12 @@ TEST_CASE("the antenna order of a heat map depends on the board and the order of
 
 TEST_CASE(
     "an unusable heat map causes a warning, and one too large for the frame period is refused") {
-  const std::string gui = "guiMonitor -1 1 1 0 0 0 1", on = "guiMonitor -1 0 1 0 1 0 1";
-  std::string text = with(gui, on);
+  const std::string text = with("guiMonitor -1 1 1 0 0 0 1", "guiMonitor -1 0 1 0 1 0 1");
   const auto warnings = [&](const std::string& from, const std::string& to, Board board) {
-    std::string changed = text;
-    return parse_profile(changed.replace(changed.find(from), from.size(), to), "x.cfg", 921600,
-                         board)
-        .warnings;
+    return parse_profile(with(from, to, text), "x.cfg", 921600, board).warnings;
   };
-  const auto refusal = [&](const std::string& to, Board board) -> std::string {
-    try {
-      warnings("0 100 1 0", to, board);
-      return "";
-    } catch (const Error& e) {
-      return e.what();
-    }
+  const auto refusal = [&](const std::string& to, Board board) {
+    return refusal_by([&] { warnings("0 100 1 0", to, board); });
   };
   CHECK(
       refusal("0 90 1 0", Board::isk) ==
@@ -257,12 +245,9 @@ TEST_CASE("the installed radar cfgs give the expected antennas and frame sizes w
         "xwr64xx_aop_50cm", "xwr64xx_aop_44mm", "xwr64xx_aop_azimuth_88mm", "xwr64xx_ods_50cm",
         "xwr64xx_ods_44mm", "xwr64xx_ods_azimuth_88mm"})
     for (const char* sdk : {".cfg", "_sdk3.4.cfg"}) {
-      std::ifstream file(test::source_dir + "/config/radar/" + name + sdk);
-      const std::string text{std::istreambuf_iterator<char>(file), {}};
+      const std::string text = contents(source_dir + "/config/radar/" + name + sdk);
       CAPTURE(name, sdk);
-      const auto is = [&](const char* part) {
-        return std::string(name).find(part) != std::string::npos;
-      };
+      const auto is = [&](const char* part) { return has(name, part); };
       const Board board = is("aop") ? Board::aop : is("ods") ? Board::ods : Board::isk;
       const RadarProfile p = parse_profile(text, name, 921600, board);
       CHECK(p.warnings.empty());
@@ -276,24 +261,17 @@ TEST_CASE("the installed radar cfgs give the expected antennas and frame sizes w
 
 namespace {
 
-std::string four_subframes() {
-  std::ifstream file(test::source_dir + "/tests/drivers/four_subframes.cfg");
-  return {std::istreambuf_iterator<char>(file), {}};
-}
+std::string four_subframes() { return contents(source_dir + "/tests/drivers/four_subframes.cfg"); }
 
 std::string changed(const std::string& from, const std::string& to) {
-  std::string text = four_subframes();
-  const std::size_t at = text.find(from);
-  REQUIRE(at != text.npos);
-  return text.replace(at, from.size(), to);
+  return with(from, to, four_subframes());
 }
 
 }  // namespace
 
 TEST_CASE(
     "radar subframes that differ in start frequency share one axis and send one packet each") {
-  std::ifstream file(test::source_dir + "/config/radar/xwr68xx_paper_50cm.cfg");
-  const std::string paper{std::istreambuf_iterator<char>(file), {}};
+  const std::string paper = contents(source_dir + "/config/radar/xwr68xx_paper_50cm.cfg");
   const RadarProfile p = parse_profile(four_subframes(), "x.cfg"),
                      one = parse_profile(paper, "y.cfg");
   CHECK(p.warnings.empty());
@@ -310,15 +288,13 @@ TEST_CASE(
 TEST_CASE(
     "radar subframes that differ in slope, samples or antennas are refused with the line number") {
   for (const auto& [from, to] : std::vector<std::pair<std::string, std::string>>{
-           {"0 0 18.75 1 60 2000 0 0 30\nchirp",
-            "0 0 15 1 60 2000 0 0 30\nchirp"},  // only the slope differs
-           {"1 60 2000 0 0 30\nchirp",
-            "1 64 2000 0 0 30\nchirp"},                      // only the number of samples differs
-           {"subFrameCfg 3 0 9 3", "subFrameCfg 3 0 9 2"}})  // only the number of antennas differs
-    CHECK(refusal(changed(from, to)) == "x.cfg:" + std::to_string(33) +
-                                            ": subFrameCfg has a different range axis or different "
-                                            "antennas than subframe 0; a record "
-                                            "is the mean of all subframes");
+           // Only the slope, only the number of samples or only the number of antennas differs.
+           {"18.75 1 60 2000 0 0 30\nchirp", "15 1 60 2000 0 0 30\nchirp"},
+           {"1 60 2000 0 0 30\nchirp", "1 64 2000 0 0 30\nchirp"},
+           {"subFrameCfg 3 0 9 3", "subFrameCfg 3 0 9 2"}})
+    CHECK(refusal(changed(from, to)) ==
+          "x.cfg:33: subFrameCfg has a different range axis or different antennas than subframe 0; "
+          "a record is the mean of all subframes");
   CHECK(parse_profile(changed("guiMonitor -1", "guiMonitor 2"), "x.cfg").refusals.at(0) ==
         "x.cfg:52: sensorStart requires guiMonitor for subframe 0 before it");
   const auto each_gui = [](const char* other) {

@@ -6,10 +6,11 @@
 #include <boost/asio/posix/stream_descriptor.hpp>
 #include <boost/asio/write.hpp>
 #include <filesystem>
-#include <map>
 
 #include "../catch.hpp"
+#include "../fixtures/folder.hpp"
 #include "drivers/make_driver.hpp"
+#include "drivers/radar/profile.hpp"
 #include "hex.hpp"
 #include "sink.hpp"
 
@@ -70,10 +71,9 @@ class Line {
 };
 
 // Simulates the radar's command port, which sends an echo, an answer and a prompt for each command.
-// Unknown lines are answered with Done.
 struct Board {
-  Board(port::SystemLoop& loop, const std::string& dir)
-      : cli(loop, dir + "/cli"), data(loop, dir + "/data") {
+  Board(port::SystemLoop& loop, const test::Folder& dir)
+      : cli(loop, dir / "cli"), data(loop, dir / "data") {
     cli.receive([this](ByteView bytes) {
       for (const std::uint8_t byte : bytes) {
         if (byte != '\n') {
@@ -81,40 +81,34 @@ struct Board {
           continue;
         }
         lines.push_back(line);
-        const auto it = answers.find(line);
-        const std::string verdict = it != answers.end() ? it->second
-                                    : line.empty()      ? ""
-                                                        : "Done\n\r";
-        cli.send(test::view_of(line + "\r\n" + verdict + "mmwDemo:/>"));
+        const std::string version =
+            line == "version" ? "mmWave SDK Version      : 03.05.00.04\n\r" : "";
+        cli.send(test::view_of(line + "\r\n" + version + (line.empty() ? "" : "Done\n\r") +
+                               "mmwDemo:/>"));
         line.clear();
       }
     });
   }
-  bool configured() const { return !lines.empty() && lines.back() == "sensorStart"; }
 
   Line cli, data;
   std::string line;
   std::vector<std::string> lines;
-  std::map<std::string, std::string> answers;
 };
 
 struct Bench {
-  Bench()
-      : dir((std::filesystem::temp_directory_path() /
-             ("echofuse-radar-" + std::to_string(::getpid())))
-                .string()) {
-    std::filesystem::remove_all(dir);
-    std::filesystem::create_directory(dir);
+  void start(const std::string& text = cfg) {
+    driver = make_radar(loop, {"serial:" + dir / "cli", "serial:" + dir / "data", text, "x.cfg"});
+    driver->start(sink);
   }
-  ~Bench() { std::filesystem::remove_all(dir); }
-  std::unique_ptr<Driver> make() {
-    return make_radar(loop, {"serial:" + dir + "/cli", "serial:" + dir + "/data", cfg, "x.cfg"});
+  std::uint64_t count(const char* name) const { return test::counter(*driver, name); }
+  bool configured() {
+    return run_until(loop, [&] { return count("configured") == 1; });
   }
 
-  std::string dir;
+  test::Folder dir;
   port::SystemLoop loop;
   test::KeepingSink sink;
-  std::vector<Bytes> golden = test::read_golden("radar.hex");
+  std::unique_ptr<Driver> driver;
 };
 
 }  // namespace
@@ -122,26 +116,16 @@ struct Bench {
 TEST_CASE("the radar driver sends the cfg unchanged and then receives frames") {
   Bench b;
   Board board(b.loop, b.dir);
-  board.answers["version"] = "mmWave SDK Version      : 03.05.00.04\n\rDone\n\r";
   // Bytes that were waiting before the port is opened are discarded.
   board.data.send(test::view_of("bytes of yesterday"));
-  const auto driver = b.make();
-  driver->start(b.sink);
-  REQUIRE(run_until(b.loop, [&] { return board.configured(); }));
-  const std::vector<std::string> expected{"",
-                                          "version",
-                                          "sensorStop",
-                                          "flushCfg",
-                                          "channelCfg 15 7 0",
-                                          "profileCfg 0 60 7 3 24 0 0 166 1 256 12500 0 0 30",
-                                          "chirpCfg 0 0 0 0 0 0 0 1",
-                                          "frameCfg 0 0 32 0 100 1 0",
-                                          "guiMonitor -1 0 1 0 0 0 1",
-                                          "sensorStart"};
+  b.start();
+  REQUIRE(b.configured());
+  std::vector<std::string> expected{"", "version"};
+  for (const auto& line : radar::command_lines(cfg)) expected.push_back(line.text);
   CHECK(board.lines == expected);
-  REQUIRE(run_until(b.loop, [&] { return test::counter(*driver, "configured") == 1; }));
   CHECK(b.sink.state() == DeviceState::connecting);
-  board.data.send(test::join(b.golden));
+  const auto golden = test::read_golden("radar.hex");
+  board.data.send(test::join(golden));
   REQUIRE(run_until(b.loop, [&] { return b.sink.radar.size() == 3; }));
   CHECK(b.sink.state() == DeviceState::streaming);
   CHECK(b.sink.info.firmware == "mmWave SDK 03.05.00.04");
@@ -150,10 +134,10 @@ TEST_CASE("the radar driver sends the cfg unchanged and then receives frames") {
   CHECK(b.sink.info.axes[0].quantity == "power_with_noise");
   CHECK(b.sink.radar[2].frame_number == 213);
   CHECK(b.sink.radar[2].lost_before == 2);
-  CHECK(test::counter(*driver, "junk_bytes") == 0);
-  CHECK(test::counter(*driver, "lost_frames") == 2);
-  driver->stop();
-  board.data.send(b.golden[0]);
+  CHECK(b.count("junk_bytes") == 0);
+  CHECK(b.count("lost_frames") == 2);
+  b.driver->stop();
+  board.data.send(golden[0]);
   const std::size_t calls = b.sink.calls();
   b.loop.run_for(std::chrono::milliseconds(50));
   CHECK(b.sink.calls() == calls);
@@ -168,10 +152,8 @@ TEST_CASE("a heat map of another board is dropped, but the range profile of the 
            {"frameCfg 0 0", "chirpCfg 1 1 0 0 0 0 0 4\nframeCfg 0 1"},
            {"-1 0 1 0 0 0 1", "-1 0 1 0 1 0 1"}})
     text.replace(text.find(from), from.size(), to);
-  const auto driver =
-      make_radar(b.loop, {"serial:" + b.dir + "/cli", "serial:" + b.dir + "/data", text, "x.cfg"});
-  driver->start(b.sink);
-  REQUIRE(run_until(b.loop, [&] { return test::counter(*driver, "configured") == 1; }));
+  b.start(text);
+  REQUIRE(b.configured());
   board.data.send(test::join(test::read_golden("radar_array.hex")));
   REQUIRE(run_until(b.loop, [&] { return b.sink.radar.size() == 4; }));
   REQUIRE(b.sink.info.axes.size() == 2);
@@ -182,21 +164,20 @@ TEST_CASE("a heat map of another board is dropped, but the range profile of the 
   CHECK(b.sink.radar[1].array.empty());
   CHECK(b.sink.radar[1].power.size() == 4);
   CHECK(b.sink.radar[2].array.size() == 64);
-  CHECK(test::counter(*driver, "arrays") == 3);
-  CHECK(test::counter(*driver, "bad_arrays") == 1);
+  CHECK(b.count("arrays") == 3);
+  CHECK(b.count("bad_arrays") == 1);
   CHECK(b.sink.events == std::vector<std::string>{
                              "the heat map has 48 samples in TLV 8, but the cfg and radar.board "
                              "require 32 in TLV 4; the heat map is ignored"});
-  driver->stop();
+  b.driver->stop();
 }
 
 TEST_CASE("a missing radar port is reported with its name") {
   Bench b;
-  const auto driver = b.make();
-  driver->start(b.sink);
+  b.start();
   REQUIRE(run_until(b.loop, [&] { return b.sink.state() == DeviceState::faulted; }));
   CHECK_THAT(b.sink.events.at(0),
-             Catch::Contains(b.dir + "/cli: cannot open: No such file or directory"));
+             Catch::Contains(b.dir / "cli" + ": cannot open: No such file or directory"));
 }
 
 TEST_CASE("swapped radar ports are detected by their names when the driver starts") {

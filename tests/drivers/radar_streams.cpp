@@ -5,15 +5,13 @@
 // their header.
 #include "../catch.hpp"
 #include "drivers/core/random.hpp"
-#include "drivers/radar/frame_parser.hpp"
-#include "hex.hpp"
+#include "parsed_frames.hpp"
 
 using namespace echofuse;
 using namespace echofuse::radar;
+using namespace echofuse::test;
 
 namespace {
-
-using Numbers = std::vector<std::uint32_t>;
 
 struct Tlv {
   std::uint32_t type;
@@ -107,42 +105,17 @@ Bytes stream(std::uint32_t count, const Lab& lab) {
   return stream(count, [&](std::uint32_t i) { return frame_of(lab, i); });
 }
 
-struct Parsed {
-  Numbers numbers;
-  std::map<std::size_t, int> bins;
-  FrameCounts counts;
-};
+// Parses the bytes as a whole and in pieces. Checks that the results match.
+ParsedFrames parse(ByteView bytes) {
+  const ParsedFrames whole = parse_frames(bytes);
+  for (const std::size_t piece : {1u, 61u})
+    check_equal(whole, parse_frames(bytes, [=] { return piece; }));
+  return whole;
+}
 
-// Parses the bytes as a whole and in pieces. Checks that the results match and that every byte is
-// counted.
-Parsed parse(ByteView bytes) {
-  std::vector<Parsed> runs;
-  for (const std::size_t piece : {bytes.size(), std::size_t{1}, std::size_t{61}}) {
-    Parsed parsed;
-    FrameParser parser(1);
-    const auto keep = [&](const RadarFrame& f) {
-      parsed.numbers.push_back(f.frame_number);
-      ++parsed.bins[f.power.size()];
-    };
-    for (std::size_t at = 0; at < bytes.size(); at += piece)
-      parser.feed(bytes.subspan(at, std::min(piece, bytes.size() - at)), HostTime{}, keep);
-    parser.finish(keep);
-    parsed.counts = parser.counts();
-    const FrameCounts& c = parsed.counts;
-    REQUIRE(c.bytes == bytes.size());
-    REQUIRE(c.bytes == c.frame_bytes + c.junk_bytes + c.truncated_bytes);
-    REQUIRE(c.frames == parsed.numbers.size());
-    runs.push_back(std::move(parsed));
-  }
-  for (const Parsed& other : runs) {
-    REQUIRE(other.numbers == runs[0].numbers);
-    REQUIRE(other.counts.truncated_frames == runs[0].counts.truncated_frames);
-    REQUIRE(other.counts.junk_bytes == runs[0].counts.junk_bytes);
-    REQUIRE(other.counts.bad_headers == runs[0].counts.bad_headers);
-    REQUIRE(other.counts.lost_frames == runs[0].counts.lost_frames);
-    REQUIRE(other.counts.tlvs == runs[0].counts.tlvs);
-  }
-  return runs[0];
+// Checks that all frames have `bins` range bins.
+void check_bins(const ParsedFrames& s, std::size_t bins) {
+  for (const RadarFrame& f : s.frames) CHECK(f.power.size() == bins);
 }
 
 Numbers from_to(std::uint32_t first, std::uint32_t last) {
@@ -159,12 +132,12 @@ Bytes part(const Bytes& whole, std::size_t from, std::size_t to) {
 }  // namespace
 
 TEST_CASE("the radar parser counts the TLVs of each type") {
-  const Parsed s = parse(stream(50, demo));
-  CHECK(s.numbers == from_to(1, 50));
+  const ParsedFrames s = parse(stream(50, demo));
+  CHECK(s.numbers() == from_to(1, 50));
   CHECK(s.counts.tlvs ==
         std::map<std::uint32_t, std::uint64_t>{{1, 50}, {2, 50}, {6, 50}, {9, 50}});
   CHECK(s.counts.other_tlvs == 50);
-  CHECK(s.bins == std::map<std::size_t, int>{{256, 50}});
+  check_bins(s, 256);
 }
 
 TEST_CASE("a stream of heat maps loses one frame if it starts, ends or has a gap at any byte") {
@@ -173,83 +146,53 @@ TEST_CASE("a stream of heat maps loses one frame if it starts, ends or has a gap
   CHECK(size == 8832);
   for (std::size_t at = 1; at < size; at += 397) {
     CAPTURE(at);
-    const Parsed late = parse(part(all, at, all.size())),
-                 early = parse(part(all, 0, 2 * size + at));
-    REQUIRE(late.numbers == from_to(2, 3));
-    REQUIRE(early.numbers == from_to(1, 2));
+    const ParsedFrames late = parse(part(all, at, all.size())),
+                       early = parse(part(all, 0, 2 * size + at));
+    REQUIRE(late.numbers() == from_to(2, 3));
+    REQUIRE(early.numbers() == from_to(1, 2));
     REQUIRE(late.counts.arrays == 2);
     Bytes hole = all;  // stream with a gap like that caused by a buffer overflow
     const auto from = hole.begin() + static_cast<std::ptrdiff_t>(at);
     hole.erase(from, from + 256);
-    const Parsed s = parse(hole);
+    const ParsedFrames s = parse(hole);
     REQUIRE(s.counts.arrays == s.counts.frames);
-    REQUIRE(s.numbers.back() == 3);
-    REQUIRE(s.numbers.size() + s.counts.lost_frames + (s.numbers[0] - 1) == 3);
+    REQUIRE(s.numbers().back() == 3);
+    REQUIRE(s.numbers().size() + s.counts.lost_frames + (s.numbers()[0] - 1) == 3);
   }
 }
 
-TEST_CASE("a stream that starts within a radar frame loses only that frame") {
-  const Bytes all = stream(4, demo);
-  const std::size_t size = all.size() / 4;
+TEST_CASE("a stream that starts or ends within a radar frame loses only that frame") {
+  const Bytes late = stream(4, demo), early = stream(3, exact);
+  const std::size_t size = late.size() / 4, exact_size = early.size() / 3;
   for (std::size_t from = 1; from < size; from += 7) {
-    const Parsed s = parse(part(all, from, all.size()));
-    REQUIRE(s.numbers == from_to(2, 4));
+    const ParsedFrames s = parse(part(late, from, late.size()));
+    REQUIRE(s.numbers() == from_to(2, 4));
     REQUIRE(s.counts.junk_bytes == size - from);
     REQUIRE(s.counts.resyncs == 1);
   }
-}
-
-TEST_CASE("a stream that ends within a radar frame delivers all earlier frames") {
-  const Bytes all = stream(3, exact);
-  const std::size_t size = all.size() / 3;
-  for (std::size_t cut = 1; cut < size; ++cut) {
-    const Parsed s = parse(part(all, 0, all.size() - cut));
-    REQUIRE(s.numbers == from_to(1, 2));
-    REQUIRE(s.counts.truncated_bytes + s.counts.junk_bytes == size - cut);
-  }
-}
-
-TEST_CASE("radar frames that are shorter than the length in their header are not delivered") {
-  const std::size_t missing = GENERATE(1u, 7u, 31u, 32u, 100u, 500u);
-  const Bytes one = frame_of(demo, 1);
-  const Bytes all =
-      stream(40, [&](std::uint32_t i) { return part(frame_of(demo, i), 0, one.size() - missing); });
-  CAPTURE(missing);
-  const Parsed s = parse(all);
-  CHECK(s.numbers.empty());
-  CHECK(s.counts.truncated_frames == 40);
-  CHECK(s.counts.truncated_bytes == all.size());
-}
-
-TEST_CASE("a partial radar frame before a reset is not completed by later bytes") {
-  const Bytes before = frame_of(demo, 5000), after = stream(3, demo);
-  for (const std::size_t cut : {41u, 100u, 400u, 600u}) {
-    Bytes all = part(before, 0, cut);
-    all.insert(all.end(), after.begin(), after.end());
-    const Parsed s = parse(all);
-    CAPTURE(cut);
-    CHECK(s.numbers == from_to(1, 3));
-    CHECK(s.counts.truncated_frames == 1);
-    CHECK(s.counts.truncated_bytes == cut);
+  for (std::size_t cut = 1; cut < exact_size; ++cut) {
+    const ParsedFrames s = parse(part(early, 0, early.size() - cut));
+    REQUIRE(s.numbers() == from_to(1, 2));
+    REQUIRE(s.counts.truncated_bytes + s.counts.junk_bytes == exact_size - cut);
   }
 }
 
 TEST_CASE("TLVs of other TI demos are counted and skipped") {
   SECTION("TLV type 6 of the vital signs demo is not decoded as statistics") {
-    const Parsed s = parse(stream(30, vital_signs));
-    CHECK(s.numbers == from_to(1, 30));
+    const ParsedFrames s = parse(stream(30, vital_signs));
+    CHECK(s.numbers() == from_to(1, 30));
     CHECK(s.counts.tlvs == std::map<std::uint32_t, std::uint64_t>{{2, 30}, {6, 30}});
     CHECK(s.counts.other_tlvs == 30);
-    CHECK(s.bins == std::map<std::size_t, int>{{38, 30}});
+    check_bins(s, 38);
   }
   SECTION("radar frames with lengths that are not multiples of 32 are parsed") {
-    const Parsed s = parse(stream(30, exact));
-    CHECK(s.numbers == from_to(1, 30));
+    const ParsedFrames s = parse(stream(30, exact));
+    CHECK(s.numbers() == from_to(1, 30));
     CHECK(s.counts.tlvs == std::map<std::uint32_t, std::uint64_t>{{2, 30}, {1010, 30}});
     CHECK(s.counts.junk_bytes == 0);
   }
   SECTION("hundreds of unknown TLV types use bounded memory") {
-    const Parsed s = parse(stream(300, [](std::uint32_t i) {
+    const ParsedFrames s = parse(stream(300, [](std::uint32_t i) {
       return frame_of(Lab{.tlvs = {{1000 + i, 12}}}, i);
     }));
     CHECK(s.counts.frames == 300);
@@ -261,34 +204,35 @@ TEST_CASE("TLVs of other TI demos are counted and skipped") {
 TEST_CASE("radar frames of other TI demos with the same magic word are refused one by one") {
   SECTION("a radar frame with a 48-byte header is refused") {
     for (const std::uint32_t track_us : {0u, 1u, 16u, 400u, 100'000u}) {
-      const Parsed s = parse(stream(60, [&](std::uint32_t i) { return frame_48(i, track_us); }));
+      const ParsedFrames s =
+          parse(stream(60, [&](std::uint32_t i) { return frame_48(i, track_us); }));
       CAPTURE(track_us);
-      CHECK(s.numbers.empty());
+      CHECK(s.numbers().empty());
       CHECK(s.counts.bad_headers + s.counts.bad_tlvs == 60);
     }
   }
   SECTION("a radar frame with a 52-byte header is refused") {
-    const Parsed s = parse(stream(60, frame_52));
-    CHECK(s.numbers.empty());
+    const ParsedFrames s = parse(stream(60, frame_52));
+    CHECK(s.numbers().empty());
     CHECK(s.counts.bad_headers == 60);
     CHECK(s.counts.junk_bytes == s.counts.bytes);
   }
   SECTION("valid radar frames between refused frames are delivered") {
-    const Parsed s = parse(stream(60, [](std::uint32_t i) {
+    const ParsedFrames s = parse(stream(60, [](std::uint32_t i) {
       return i % 3 == 0 ? frame_48(i, 300) : i % 3 == 1 ? frame_52(i) : frame_of(demo, i);
     }));
     CHECK(s.counts.frames == 20);
-    CHECK(s.bins == std::map<std::size_t, int>{{256, 20}});
+    check_bins(s, 256);
   }
 }
 
 TEST_CASE("a TLV count that does not fill the radar packet counts as a damaged header") {
-  const Parsed s = parse(stream(3, [](std::uint32_t i) {
+  const ParsedFrames s = parse(stream(3, [](std::uint32_t i) {
     Bytes one = frame_of(demo, i);
     if (i == 2) one[32] = 1;
     return one;
   }));
-  CHECK(s.numbers == Numbers{1, 3});
+  CHECK(s.numbers() == Numbers{1, 3});
   CHECK(s.counts.bad_tlvs == 1);
   CHECK(s.counts.lost_frames == 1);
 }
@@ -349,8 +293,8 @@ TEST_CASE("the radar parser delivers all complete frames and no others under ran
       if (kind == 2 || kind > 4) whole.push_back(i);
       bytes.insert(bytes.end(), one.begin(), one.end());
     }
-    const Parsed s = parse(bytes);
+    const ParsedFrames s = parse(bytes);
     CAPTURE(seed);
-    REQUIRE(s.numbers == whole);
+    REQUIRE(s.numbers() == whole);
   }
 }

@@ -1,14 +1,12 @@
 // SPDX-License-Identifier: MIT
 #include "drivers/port/raw_tap.hpp"
 
-#include <stdlib.h>
-
 #include <filesystem>
 #include <fstream>
-#include <iterator>
 #include <thread>
 
 #include "../catch.hpp"
+#include "../fixtures/folder.hpp"
 #include "drivers/bridge/bridge_writer.hpp"
 #include "drivers/port/virtual_loop.hpp"
 #include "drivers/util/exit_code.hpp"
@@ -20,20 +18,9 @@ namespace fs = std::filesystem;
 
 namespace {
 
-struct Folder {
-  fs::path parent = make();
-  std::string path = (parent / "raw").string();
-
-  ~Folder() { fs::remove_all(parent); }
-  std::string read(const char* name) const {
-    std::ifstream in(fs::path(path) / name, std::ios::binary);
-    return {std::istreambuf_iterator<char>(in), {}};
-  }
-  static fs::path make() {
-    std::string name = (fs::temp_directory_path() / "echofuse-XXXXXX").string();
-    REQUIRE(mkdtemp(name.data()));
-    return name;
-  }
+struct Folder : test::Folder {
+  const std::string raw = *this / "raw";
+  std::string read(const std::string& name) const { return test::contents(raw + "/" + name); }
 };
 
 std::unique_ptr<Worker> thread() { return SystemLoop().make_worker(); }
@@ -49,7 +36,7 @@ struct Speaker final : BytePort {
 
 TEST_CASE("raw capture writes one file per connection and creates the file at the first byte") {
   const Folder folder;
-  RawKeeper keeper(folder.path, thread());
+  RawKeeper keeper(folder.raw, thread());
   std::string heard;
   const PortHandlers handlers{[] {}, [&](ByteView b) { heard.append(b.begin(), b.end()); },
                               [](const Failure&) {}};
@@ -68,7 +55,7 @@ TEST_CASE("raw capture writes one file per connection and creates the file at th
   CHECK(heard.size() == 100);
   CHECK(folder.read("tags-001.blocks") == "hello");
   CHECK(folder.read("tags-020.blocks") == "hello");
-  CHECK(std::distance(fs::directory_iterator(folder.path), {}) == 21);
+  CHECK(std::distance(fs::directory_iterator(folder.raw), {}) == 21);
   keeper.put("tags-020.blocks", test::view_of("late"));
   CHECK(keeper.finish().dropped == 4);
 }
@@ -83,7 +70,7 @@ TEST_CASE("if raw capture is off, data pass through the original port unchanged"
 
 TEST_CASE("raw capture drops and counts bytes beyond its queue limit") {
   const Folder folder;
-  RawKeeper keeper(folder.path, thread(), {.queue_bytes = 10, .reserve_bytes = 0});
+  RawKeeper keeper(folder.raw, thread(), {.queue_bytes = 10, .reserve_bytes = 0});
   keeper.put("a", Bytes(11));
   keeper.put("a", Bytes(10));
   const auto counts = keeper.finish();
@@ -96,7 +83,7 @@ TEST_CASE("raw capture drops and counts queued bytes if the disk hangs") {
     void put(Action /*job*/) override {}
   };
   const Folder folder;
-  RawKeeper keeper(folder.path, std::make_unique<Stalled>(), {.reserve_bytes = 0});
+  RawKeeper keeper(folder.raw, std::make_unique<Stalled>(), {.reserve_bytes = 0});
   keeper.put("a", Bytes(11));
   const auto counts = keeper.finish();
   CHECK(counts.dropped == 11);
@@ -112,8 +99,8 @@ TEST_CASE("raw capture ends at the first write failure and reports the failure o
     limits.reserve_bytes = UINT64_MAX;
     why = "(reserved for the run)";
   }
-  RawKeeper keeper(folder.path, thread(), limits);
-  if (limits.reserve_bytes == 0) fs::remove(folder.path);
+  RawKeeper keeper(folder.raw, thread(), limits);
+  if (limits.reserve_bytes == 0) fs::remove(folder.raw);
   keeper.put("a", Bytes(5));
   std::string trouble;
   for (int i = 0; i < 2000 && trouble.empty(); ++i) {
@@ -129,10 +116,10 @@ TEST_CASE("raw capture ends at the first write failure and reports the failure o
 
 TEST_CASE("raw capture refuses a folder that is not empty") {
   const Folder folder;
-  fs::create_directories(folder.path);
-  std::ofstream(fs::path(folder.path) / "x") << "y";
-  CHECK_THROWS_WITH(RawKeeper(folder.path, thread()), Catch::Contains("is not empty"));
-  CHECK_THROWS_AS(RawKeeper((fs::path(folder.path) / "x").string(), thread()), Error);
+  fs::create_directories(folder.raw);
+  std::ofstream(fs::path(folder.raw) / "x") << "y";
+  CHECK_THROWS_WITH(RawKeeper(folder.raw, thread()), Catch::Contains("is not empty"));
+  CHECK_THROWS_AS(RawKeeper((fs::path(folder.raw) / "x").string(), thread()), Error);
 }
 
 TEST_CASE("camera blocks stored by raw capture match the bridge protocol") {

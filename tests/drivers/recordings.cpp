@@ -1,17 +1,13 @@
 // SPDX-License-Identifier: MIT
-// Tests the frame parser and the import with recordings that other people made of real radars. The
-// recordings are not in the repository. If they are missing, this program exits with 77, which
-// ctest shows as skipped.
+// Tests the frame parser and the import with recordings that other people made of real radars.
 #include <algorithm>
-#include <cstdlib>
 #include <filesystem>
 #include <fstream>
-#include <iostream>
 #include <iterator>
 
 #include "../catch.hpp"
+#include "../fixtures/data.hpp"
 #include "../fixtures/folder.hpp"
-#include "../fixtures/paths.hpp"
 #include "../fixtures/record.hpp"
 #include "acquire/import/import.hpp"
 #include "acquire/record/run_reader.hpp"
@@ -21,12 +17,6 @@ using namespace echofuse;
 using namespace echofuse::test;
 
 namespace {
-
-std::filesystem::path data_folder() {
-  const char* set = std::getenv("ECHOFUSE_DATA");
-  return set ? std::filesystem::path(set)
-             : std::filesystem::path(echofuse::test::source_dir) / ".." / "shared" / "data";
-}
 
 Bytes read(const std::filesystem::path& path) {
   std::ifstream file(path, std::ios::binary);
@@ -108,10 +98,5 @@ TEST_CASE(
 }
 
 int main(int argc, char** argv) {
-  if (!std::filesystem::exists(data_folder() / automated_doors)) {
-    std::cout << "skipped: no " << automated_doors << " below " << data_folder().lexically_normal()
-              << " (set ECHOFUSE_DATA)\n";
-    return 77;
-  }
-  return echofuse::test::run_catch(argc, argv);
+  return echofuse::test::run_with_data(argc, argv, automated_doors);
 }

@@ -3,8 +3,8 @@
 #include <string>
 
 #include "../catch.hpp"
+#include "../fixtures/error.hpp"
 #include "drivers/radar/profile.hpp"
-#include "drivers/util/exit_code.hpp"
 
 namespace echofuse::test {
 
@@ -37,21 +37,15 @@ inline const std::string stock =
     "lvdsStreamCfg -1 0 0 0\r\n"
     "sensorStart";
 
-inline std::string with(const std::string& from, const std::string& to) {
-  std::string text = stock;
+// Replaces the first occurrence of `from` in a cfg.
+inline std::string with(const std::string& from, const std::string& to, std::string text = stock) {
   const std::size_t at = text.find(from);
   REQUIRE(at != text.npos);
   return text.replace(at, from.size(), to);
 }
 
 inline std::string refusal(const std::string& text) {
-  try {
-    radar::parse_profile(text, "x.cfg");
-  } catch (const Error& error) {
-    CHECK(error.code() == ExitCode::config);
-    return error.what();
-  }
-  return "accepted";
+  return refusal_by([&] { radar::parse_profile(text, "x.cfg"); });
 }
 
 }  // namespace echofuse::test

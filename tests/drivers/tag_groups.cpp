@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
 // Compares the counts of every instruction set of this processor with counts made tag by tag. The
-// target SCALAR never uses groups. histogram.cpp and the fuzz target compare the counts with the
-// reference.
+// target SCALAR never uses groups.
 #include "drivers/tdc/tag_groups.hpp"
 
 #include <hwy/highway.h>
@@ -11,35 +10,25 @@
 
 #include "../catch.hpp"
 #include "drivers/core/random.hpp"
-#include "drivers/tdc/histogram.hpp"
+#include "tag_reference.hpp"
 
 using namespace echofuse;
 using namespace echofuse::tdc;
 
 namespace {
 
-struct Outcome {
-  std::vector<std::uint32_t> bins;
-  TagCounts counts;
-  bool operator==(const Outcome&) const = default;
-};
-
-Outcome count(const HistogramSettings& settings, std::span<const Tag> tags, std::size_t block) {
-  Histogram histogram(settings);
-  for (; !tags.empty(); tags = tags.subspan(std::min(block, tags.size())))
-    histogram.add(tags.first(std::min(block, tags.size())));
-  return {histogram.counts(), histogram.tag_counts()};
-}
-
 void compare(const HistogramSettings& settings, std::span<const Tag> tags, std::size_t block) {
-  const auto with = [&](std::int64_t target) {
-    hwy::GetChosenTarget().Update(target);
-    return count(settings, tags, block);
-  };
-  const Outcome singly = with(HWY_SCALAR);
-  for (const std::int64_t target : hwy::SupportedAndGeneratedTargets()) {
+  const test::TagReference expected(settings, tags);
+  auto targets = hwy::SupportedAndGeneratedTargets();
+  targets.push_back(HWY_SCALAR);
+  for (const std::int64_t target : targets) {
     INFO(hwy::TargetName(target));
-    REQUIRE((with(target) == singly));
+    hwy::GetChosenTarget().Update(target);
+    Histogram histogram(settings);
+    for (auto rest = tags; !rest.empty(); rest = rest.subspan(std::min(block, rest.size())))
+      histogram.add(rest.first(std::min(block, rest.size())));
+    REQUIRE((histogram.counts() == expected.counts));
+    REQUIRE(histogram.tag_counts() == expected.n);
   }
   hwy::GetChosenTarget().DeInit();  // lets Highway choose the best target again
 }
