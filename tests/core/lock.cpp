@@ -13,8 +13,8 @@
 #include <vector>
 
 #include "../catch.hpp"
+#include "../fixtures/error.hpp"
 #include "../fixtures/folder.hpp"
-#include "drivers/util/exit_code.hpp"
 
 using namespace echofuse;
 using test::contents;
@@ -113,6 +113,7 @@ TEST_CASE("a lock is refused if another file occupies its path, and that file is
   SECTION("a folder at the lock path is refused") { fs::create_directory(lock); }
   const auto is = fs::symlink_status(lock).type();
   CHECK_THROWS_WITH(Lock(lock, 0666), Catch::Contains("x.lock: is not an echofuse lock file"));
+  CHECK_FALSE(Lock::holder(lock));
   CHECK(fs::symlink_status(lock).type() == is);
   CHECK(contents(precious) == stays);
   CHECK_FALSE(fs::exists(folder / "new"));
@@ -121,10 +122,5 @@ TEST_CASE("a lock is refused if another file occupies its path, and that file is
 
 TEST_CASE("a lock file that cannot be created is reported as a disk error") {
   const Folder folder;
-  try {
-    Lock(folder / "none/x.lock", 0600);
-    FAIL("no error");
-  } catch (const Error& e) {
-    CHECK(e.code() == ExitCode::disk);
-  }
+  CHECK(test::error_of([&] { Lock(folder / "none/x.lock", 0600); }).first == ExitCode::disk);
 }
