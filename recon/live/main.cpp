@@ -8,7 +8,7 @@
 #include <cstdio>
 #include <filesystem>
 
-#include "acquire/record/run_file.hpp"
+#include "acquire/record/run_reader.hpp"
 #include "acquire/record/run_names.hpp"
 #include "drivers/util/command_line.hpp"
 #include "drivers/util/console.hpp"

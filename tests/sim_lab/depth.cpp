@@ -5,7 +5,6 @@
 #include <cstdio>
 
 #include "../catch.hpp"
-#include "../fixtures/paths.hpp"
 #include "drivers/core/bytes.hpp"
 #include "lab_thread.hpp"
 
@@ -21,7 +20,7 @@ class Reader {
     // Suppresses sanitizer reports about OpenNI2, because OpenNI2 leaks memory and is built without
     // ThreadSanitizer.
     const std::string sanitizers = "ASAN_OPTIONS=detect_leaks=0 TSAN_OPTIONS=suppressions='" +
-                                   echofuse::test::source_dir + "/tests/tsan.supp' ";
+                                   source_dir + "/tests/tsan.supp' ";
     const std::string command = sanitizers + "LD_LIBRARY_PATH='" + lab_dir + "/openni' '" +
                                 (folder / "depth_reader").string() + "' '" + file + "' " +
                                 arguments;
@@ -70,22 +69,15 @@ std::vector<std::uint16_t> expected_picture(const sim::LabOptions& options) {
 }
 
 std::vector<std::uint16_t> read_picture(const std::string& path) {
-  const std::string raw = read_text(path);
+  const std::string raw = contents(path);
   return to_values<std::uint16_t>({reinterpret_cast<const std::uint8_t*>(raw.data()), raw.size()});
-}
-
-sim::LabOptions options_in(const TemporaryDirectory& dir) {
-  sim::LabOptions options;
-  options.dir = dir / "lab";
-  options.schedule = {"person", 21, 0};
-  return options;
 }
 
 }  // namespace
 
 TEST_CASE("the simulated depth camera delivers 30 frames of the scene per second") {
-  const TemporaryDirectory dir;
-  const sim::LabOptions options = options_in(dir);
+  const Folder dir;
+  const sim::LabOptions options = options_in(dir, {"person", 21, 0});
   LabThread lab(options);
   Reader reader(options.dir, dir / "picture", "16 0");
   CHECK(reader.line_with("mode") == "mode 320 240 30 100 fov 1.349482 1.080839");
@@ -109,8 +101,8 @@ TEST_CASE("the simulated depth camera delivers 30 frames of the scene per second
 }
 
 TEST_CASE("the simulated depth camera exists only while the simulated laboratory is running") {
-  const TemporaryDirectory dir;
-  sim::LabOptions options = options_in(dir);
+  const Folder dir;
+  sim::LabOptions options = options_in(dir, {"person", 21, 0});
   auto lab = std::make_unique<LabThread>(options);
   Reader reader(options.dir, dir / "picture", "1 1");
   REQUIRE(reader.line_with("frame") == "frame");

@@ -2,26 +2,18 @@
 #include "sim/devices/faults.hpp"
 
 #include "../catch.hpp"
-#include "drivers/util/exit_code.hpp"
+#include "../fixtures/error.hpp"
+#include "../fixtures/shell.hpp"
 #include "lab_thread.hpp"
 
 using namespace echofuse;
 using namespace echofuse::sim;
+using test::has;
 
 namespace {
 
 std::string complaint(const std::string& text) {
-  try {
-    read_faults(text, "f.toml");
-  } catch (const Error& e) {
-    CHECK(e.code() == ExitCode::config);
-    return e.what();
-  }
-  return {};
-}
-
-bool has(const std::string& text, const std::string& part) {
-  return text.find(part) != std::string::npos;
+  return test::refusal_by([&] { read_faults(text, "f.toml"); });
 }
 
 const std::string good = "[[fault]]\ndevice = \"tdc\"\nkind = \"drop\"\nat_s = 1\nfor_s = 0.5\n";
@@ -106,11 +98,10 @@ TEST_CASE("a clock offset ends with the fault, but the error from a clock drift 
 }
 
 TEST_CASE("the simulated laboratory refuses an invalid faults file and an unwritable log") {
-  test::TemporaryDirectory place;
+  test::Folder place;
   std::ofstream(place / "f.toml") << "[[fault]]\n";
   port::SystemLoop loop;
-  LabOptions options;
-  options.dir = place / "lab";
+  LabOptions options = test::options_in(place);
   options.faults = place / "f.toml";
   CHECK_THROWS_AS(Lab(loop, options), Error);
   options.faults = "";

@@ -6,8 +6,7 @@
 #include <set>
 
 #include "../catch.hpp"
-#include "../fixtures/paths.hpp"
-#include "drivers/util/exit_code.hpp"
+#include "../fixtures/error.hpp"
 #include "lab_thread.hpp"
 
 using namespace echofuse;
@@ -23,51 +22,39 @@ std::set<std::string> names_in(const std::string& dir) {
 }
 
 std::string refusal(const sim::LabOptions& options, ExitCode code) {
-  try {
-    port::SystemLoop loop;
-    sim::Lab lab(loop, options);
-  } catch (const Error& e) {
-    CHECK(e.code() == code);
-    return e.what();
-  }
-  return "";
-}
-
-sim::LabOptions options_in(const TemporaryDirectory& dir) {
-  sim::LabOptions options;
-  options.dir = dir / "lab";
-  return options;
+  port::SystemLoop loop;
+  return refusal_by([&] { sim::Lab lab(loop, options); }, code);
 }
 
 }  // namespace
 
 TEST_CASE("the simulated laboratory creates its files on start and removes its devices on stop") {
-  const TemporaryDirectory dir;
+  const Folder dir;
   sim::LabOptions options = options_in(dir);
   options.window_s = 0.2;
   std::optional<LabThread> lab(std::in_place, options);
   CHECK(names_in(options.dir) == std::set<std::string>{"depth.sock", "lab.lock", "lab.toml",
                                                        "openni", "radar-cli", "radar-data",
                                                        "radar.cfg"});
-  const std::string toml = read_text(options.dir + "/lab.toml");
+  const std::string toml = contents(options.dir + "/lab.toml");
   CHECK_THAT(toml, Catch::Contains("[run]\nwindow_s = 0.2\nlabel = \"person\"\n"));
   CHECK_THAT(toml, Catch::Contains("start_channel = 1\nclick_channel = 2\nbin_width_ps = 100\n"
                                    "first_bin_ps = 13343\nbins = 336\n"));
   CHECK_THAT(toml, Catch::Contains("cli = \"serial:" + options.dir + "/radar-cli\""));
   CHECK_THAT(toml, Catch::Contains("cfg = \"radar.cfg\""));
   CHECK_THAT(toml, Catch::Contains("address = \"openni:\""));
-  CHECK(read_text(options.dir + "/radar.cfg") ==
-        read_text(echofuse::test::source_dir + "/config/radar/xwr68xx_paper_50cm.cfg"));
+  CHECK(contents(options.dir + "/radar.cfg") ==
+        contents(source_dir + "/config/radar/xwr68xx_paper_50cm.cfg"));
   CHECK_THAT(lab->lab().daemon_command(),
              Catch::StartsWith("LD_LIBRARY_PATH=" + options.dir + "/openni ") &&
                  Catch::Contains(" run --config " + options.dir + "/lab.toml --out "));
   lab.reset();
   CHECK(names_in(options.dir) == std::set<std::string>{"lab.toml", "radar.cfg", "sent.json"});
-  CHECK_THAT(read_text(options.dir + "/sent.json"), Catch::StartsWith("{\"play\":{\"scene\":"));
+  CHECK_THAT(contents(options.dir + "/sent.json"), Catch::StartsWith("{\"play\":{\"scene\":"));
 }
 
 TEST_CASE("the simulated laboratory refuses a folder that it cannot use") {
-  const TemporaryDirectory dir;
+  const Folder dir;
   sim::LabOptions options = options_in(dir);
   SECTION("a folder that another laboratory uses is refused") {
     LabThread lab(options);
@@ -90,35 +77,30 @@ TEST_CASE("the simulated laboratory refuses a folder that it cannot use") {
 
 TEST_CASE(
     "the simulated laboratory reuses the folder of an earlier laboratory and keeps other files") {
-  const TemporaryDirectory dir;
+  const Folder dir;
   const sim::LabOptions options = options_in(dir);
   LabThread(options).stop();
   std::ofstream(options.dir + "/run.sqlite") << "a run";
   LabThread lab(options);
   CHECK(fs::exists(options.dir + "/lab.toml"));
   CHECK_FALSE(fs::exists(options.dir + "/sent.json"));
-  CHECK(read_text(options.dir + "/run.sqlite") == "a run");
+  CHECK(contents(options.dir + "/run.sqlite") == "a run");
 }
 
 TEST_CASE("start-up errors of the simulated laboratory state the cause and leave no device files") {
-  const TemporaryDirectory dir;
-  sim::LabOptions options = options_in(dir);
-  SECTION("a missing radar configuration file is reported") {
-    options.radar_cfg = dir / "missing.cfg";
-    CHECK_THAT(refusal(options, ExitCode::config), Catch::Contains("missing.cfg: cannot read"));
+  const Folder dir;
+  sim::LabOptions no_cfg = options_in(dir), fraction = no_cfg, too_fast = no_cfg;
+  no_cfg.radar_cfg = dir / "missing.cfg";
+  fraction.conditions.bin_width_ps = 12.5;
+  too_fast.tagging.laser_rate_hz = 80e6;
+  for (const auto& [options, why] :
+       {std::pair{no_cfg, "missing.cfg: cannot read"},
+        {fraction, "whole picoseconds"},
+        {too_fast, "the next pulse is emitted before the end of the last bin"}}) {
+    CHECK_THAT(refusal(options, ExitCode::config), Catch::Contains(why));
+    for (const char* name : {"/radar-cli", "/depth.sock", "/lab.toml"})
+      CHECK_FALSE(fs::exists(options.dir + name));
   }
-  SECTION("a bin width that is not a whole number of picoseconds is reported") {
-    options.conditions.bin_width_ps = 12.5;
-    CHECK_THAT(refusal(options, ExitCode::config), Catch::Contains("whole picoseconds"));
-  }
-  SECTION("a laser rate that is too high for the histogram range is reported") {
-    options.tagging.laser_rate_hz = 80e6;
-    CHECK_THAT(refusal(options, ExitCode::config),
-               Catch::Contains("the next pulse is emitted before the end of the last bin"));
-  }
-  CHECK_FALSE(fs::exists(options.dir + "/radar-cli"));
-  CHECK_FALSE(fs::exists(options.dir + "/depth.sock"));
-  CHECK_FALSE(fs::exists(options.dir + "/lab.toml"));
 }
 
 TEST_CASE("scenes change at the set interval, and 25 % of mixed scenes show people") {

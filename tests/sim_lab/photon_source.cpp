@@ -6,9 +6,9 @@
 #include <functional>
 
 #include "../catch.hpp"
+#include "../fixtures/error.hpp"
 #include "drivers/core/sample.hpp"
 #include "drivers/tdc/histogram.hpp"
-#include "drivers/util/exit_code.hpp"
 #include "sim/scene/scene.hpp"
 #include "sim/sensors/optics.hpp"
 
@@ -167,16 +167,9 @@ TEST_CASE("an empty scene without background gives no photon tags") {
 
 TEST_CASE("the simulated tagger refuses laser and tag rates beyond its limits") {
   Conditions c;
-  const auto refusal = [&](double laser_hz, double window) -> std::string {
-    Tagging tagging;
-    tagging.laser_rate_hz = laser_hz;
-    try {
-      PhotonSource source(c, tagging, window, 1);
-    } catch (const Error& e) {
-      CHECK(e.code() == ExitCode::config);
-      return e.what();
-    }
-    return "";
+  const auto refusal = [&](double laser_hz, double window) {
+    return test::refusal_by(
+        [&] { PhotonSource source(c, {.laser_rate_hz = laser_hz}, window, 1); });
   };
   CHECK(refusal(1e6, 3).empty());
   CHECK_THAT(refusal(80e6, 3),

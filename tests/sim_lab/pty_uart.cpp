@@ -36,7 +36,7 @@ Bytes pattern(std::size_t size) {
 }  // namespace
 
 TEST_CASE("a simulated UART sends at its baud rate and drops bytes that are not read") {
-  const TemporaryDirectory dir;
+  const Folder dir;
   port::SystemLoop loop;
   const std::string link = dir / "port";
   sim::PtyUart uart(loop, link, baud, [](ByteView) {});
@@ -68,7 +68,7 @@ TEST_CASE("a simulated UART sends at its baud rate and drops bytes that are not 
 }
 
 TEST_CASE("closing a simulated UART removes its symbolic link") {
-  const TemporaryDirectory dir;
+  const Folder dir;
   port::SystemLoop loop;
   sim::PtyUart uart(loop, dir / "port", baud, [](ByteView) {});
   CHECK(std::filesystem::is_symlink(dir / "port"));

@@ -11,6 +11,7 @@
 
 #include "../catch.hpp"
 #include "../drivers/sink.hpp"
+#include "../fixtures/folder.hpp"
 #include "../fixtures/paths.hpp"
 #include "../fixtures/wire.hpp"
 #include "drivers/core/clock.hpp"
@@ -80,7 +81,7 @@ struct RadarBench {
     setup.address = "test";
     setup.cli = board.cli.opener();
     setup.data = board.data.opener();
-    setup.cfg_text = read_text(echofuse::test::source_dir + "/config/radar/xwr68xx_paper_50cm.cfg");
+    setup.cfg_text = contents(source_dir + "/config/radar/xwr68xx_paper_50cm.cfg");
     setup.cfg_name = "x.cfg";
     for (const auto& line : radar::command_lines(setup.cfg_text)) whole_cfg.push_back(line.text);
     whole_cfg.insert(whole_cfg.begin(), "version");

@@ -41,9 +41,7 @@ TEST_CASE(
   REQUIRE(b.faulted());
   b.until([&] { return false; }, 500ms);
   b.plug(true);
-  const double took_s = b.seconds_to_frame();
-  WARN("unplugged, replugged: " << took_s << " s to the first frame");
-  CHECK(took_s < 10);
+  CHECK(b.seconds_to_frame() < 10);
   CHECK(b.board.heard() == restart);
   CHECK(b.count("configured") == 1);
   CHECK(b.count("restarted") == 1);
@@ -60,9 +58,7 @@ TEST_CASE("after a power cycle the radar board refuses the restart, and the driv
   b.board.power_up();
   b.until([&] { return false; }, 500ms);
   b.plug(true);
-  const double took_s = b.seconds_to_frame();
-  WARN("power cycle: " << took_s << " s to the first frame");
-  CHECK(took_s < 10);
+  CHECK(b.seconds_to_frame() < 10);
   Strings expected = restart;
   expected.insert(expected.end(), b.whole_cfg.begin() + 1, b.whole_cfg.end());
   CHECK(b.board.heard() == expected);
@@ -77,9 +73,7 @@ TEST_CASE("the radar driver detects a board reset immediately by the boot banner
   Bench b;
   b.start();
   b.board.power_up();
-  const double took_s = b.seconds_to_frame();
-  WARN("reset seen by its banner: " << took_s << " s to the first frame");
-  CHECK(took_s < 10);
+  CHECK(b.seconds_to_frame() < 10);
   CHECK(b.reported("the board was reset"));
   CHECK(b.board.heard() == b.whole_cfg);
   CHECK(b.count("configured") == 2);
@@ -241,8 +235,6 @@ TEST_CASE("damaged radar data cause the loss of at most one intact frame, and lo
     }
     CAPTURE(name, delivered, twice, b.count("lost_frames"), b.count("truncated_frames"),
             b.count("junk_bytes"), b.count("bad_headers"), b.count("bad_tlvs"));
-    WARN(name << ": 100 damaged of 601, " << good.size() << " undamaged ones lost, " << twice
-              << " repeated, " << b.count("lost_frames") << " counted as lost");
     CHECK(good.size() <= 100);
     const std::size_t sent = std::string_view(name) == "repeated" ? 701 : 601;
     const std::size_t accounted = delivered + twice + b.count("lost_frames");
@@ -263,10 +255,8 @@ TEST_CASE("the radar driver configures the board again if no frames arrive on th
     return b.state() == DeviceState::faulted;
   }));
   CHECK(b.sink.events.back() == "no frames on the data port");
-  const double noticed_s = seconds(b.loop.now() - from), took_s = b.seconds_to_frame();
-  WARN("silence: noticed after " << noticed_s << " s, then " << took_s << " s to a frame");
-  CHECK(noticed_s < 10);
-  CHECK(took_s < 10);
+  CHECK(b.loop.now() - from < 10s);
+  CHECK(b.seconds_to_frame() < 10);
   CHECK(b.count("configured") == 2);
 }
 
@@ -419,8 +409,7 @@ TEST_CASE("the radar driver accepts a last frame that arrives after the answer t
   const auto late = GENERATE(10ms, 100ms, 200ms);
   b.driver->start(b.sink);
   REQUIRE(run_until(b.loop, [&] { return b.board.lines_heard() >= 2; }));
-  run_until(
-      b.loop, [] { return false; }, late);
+  b.loop.run_for(late);
   b.board.data.send(b.board.frame());
   REQUIRE(b.until([&] { return b.frames() >= 3; }));
   CHECK(b.count("connections") == 1);
@@ -439,8 +428,7 @@ TEST_CASE("the radar driver warns once if the frame period differs from the cfg"
         static_cast<std::uint32_t>(b.board.number * (odd ? 100'000'000 : 10'000'000));
     for (std::size_t k = 0; k < 4; ++k) frame[24 + k] = static_cast<std::uint8_t>(cycles >> 8 * k);
     b.board.data.send(frame);
-    run_until(
-        b.loop, [] { return false; }, 50ms);
+    b.loop.run_for(50ms);
   }
   const std::string text =
       "frames arrive every 500 ms, but the cfg requests 50 ms: is radar.data a port";

@@ -3,10 +3,10 @@
 #include "sim/devices/radar_firmware.hpp"
 
 #include <filesystem>
-#include <fstream>
 #include <sstream>
 
 #include "../catch.hpp"
+#include "../fixtures/folder.hpp"
 #include "../fixtures/paths.hpp"
 #include "drivers/radar/command_dialogue.hpp"
 #include "drivers/radar/log2_codes.hpp"
@@ -37,22 +37,14 @@ class Console {
   RadarFirmware firmware_;
 };
 
-std::vector<std::string> profile_lines(const std::string& name) {
-  std::ifstream file(echofuse::test::source_dir + "/config/radar/" + name);
-  REQUIRE(file);
-  std::vector<std::string> lines;
-  for (std::string line; std::getline(file, line);) lines.push_back(line);
-  return lines;
-}
+const std::string cfg_folder = test::source_dir + "/config/radar/";
 
 // Sends a cfg, leaving out the last line (sensorStart) and all lines that begin with `without`.
 void configure(Console& console, const std::string& without = "none",
                const std::string& name = "xwr68xx_paper_50cm.cfg") {
-  auto lines = profile_lines(name);
-  REQUIRE(lines.back() == "sensorStart");
-  lines.pop_back();
-  for (const auto& line : lines) {
-    if (line.rfind(without, 0) == 0) continue;
+  std::istringstream lines(test::contents(cfg_folder + name));
+  for (std::string line; std::getline(lines, line) && line != "sensorStart";) {
+    if (line.starts_with(without)) continue;
     const std::string reply = console.send(line + "\n");
     const std::string ending = line[0] == '%' ? "Skipped\n\rmmwDemo:/>" : "Done\n\rmmwDemo:/>";
     INFO(line << " -> " << reply);
@@ -174,38 +166,26 @@ TEST_CASE("an incomplete cfg does not start the simulated radar") {
 }
 
 TEST_CASE("simulated radar firmware refuses missing chirps and chirps beyond front-end limits") {
+  const auto [without, lines] = GENERATE(table<const char*, const char*>(
+      {{"chirpCfg", ""},
+       {"frameCfg", ""},
+       // a ramp that ends before the last sample
+       {"none", "profileCfg 0 60 7 6 30 0 0 18.75 1 60 2000 0 0 30\n"},
+       // ramps beyond 64 GHz, the second one in an unused profile
+       {"none", "profileCfg 0 62 7 3 24 0 0 166 1 256 12500 0 0 30\n"},
+       {"none",
+        "profileCfg 1 63.5 7 6 40 0 0 18.75 1 60 2000 0 0 30\n"
+        "profileCfg 0 60 7 6 40 0 0 18.75 1 60 2000 0 0 30\n"},
+       // a start frequency and an ADC start time that move a chirp beyond its limits
+       {"none", "chirpCfg 3 3 0 3500000000 0 0 0 1\n"},
+       {"none", "chirpCfg 3 3 0 0 0 0 5 1\n"},
+       // a frame with an undefined chirp, and one with more chirps than its period allows
+       {"none", "frameCfg 0 3 32 0 50 1 0\n"},
+       {"none", "frameCfg 0 2 512 0 50 1 0\n"}}));
+  CAPTURE(without, lines);
   Console console;
-  SECTION("a cfg that defines no chirp is refused") { configure(console, "chirpCfg"); }
-  SECTION("a cfg that defines no frame is refused") { configure(console, "frameCfg"); }
-  SECTION("a ramp that ends before the last sample is refused") {
-    configure(console);
-    console.send("profileCfg 0 60 7 6 30 0 0 18.75 1 60 2000 0 0 30\n");
-  }
-  SECTION("a ramp that exceeds 64 GHz is refused") {
-    configure(console);
-    console.send("profileCfg 0 62 7 3 24 0 0 166 1 256 12500 0 0 30\n");
-  }
-  SECTION("a ramp that exceeds 64 GHz is refused even in an unused profile") {
-    configure(console);
-    console.send("profileCfg 1 63.5 7 6 40 0 0 18.75 1 60 2000 0 0 30\n");
-    console.send("profileCfg 0 60 7 6 40 0 0 18.75 1 60 2000 0 0 30\n");
-  }
-  SECTION("a start frequency that moves a chirp beyond 64 GHz is refused") {
-    configure(console);
-    console.send("chirpCfg 3 3 0 3500000000 0 0 0 1\n");
-  }
-  SECTION("an ADC start time that moves samples beyond the ramp is refused") {
-    configure(console);
-    console.send("chirpCfg 3 3 0 0 0 0 5 1\n");
-  }
-  SECTION("a frame that uses an undefined chirp is refused") {
-    configure(console);
-    console.send("frameCfg 0 3 32 0 50 1 0\n");
-  }
-  SECTION("a frame that has more chirps than its period allows is refused") {
-    configure(console);
-    console.send("frameCfg 0 2 512 0 50 1 0\n");
-  }
+  configure(console, without);
+  console.send(lines);
   CHECK(console.send("sensorStart\n") == "sensorStart\nError -1\n\rmmwDemo:/>");
 }
 
@@ -311,8 +291,7 @@ namespace {
 // Runs the command dialogue against simulated firmware that answers immediately. Returns the error
 // message, or an empty string if there is no error.
 std::string failure_of(const std::string& name, unsigned sdk, RadarDemo demo) {
-  std::ifstream file(echofuse::test::source_dir + "/config/radar/" + name);
-  const std::string text{std::istreambuf_iterator<char>(file), {}};
+  const std::string text = test::contents(cfg_folder + name);
   radar::CommandDialogue dialogue(text, name);
   Console board(sdk, demo);
   board.firmware().boot();
@@ -337,8 +316,7 @@ std::string failure_of(const std::string& name, unsigned sdk, RadarDemo demo) {
 TEST_CASE(
     "each simulated radar board accepts only cfgs for that board, and errors name the right file") {
   std::size_t files = 0;
-  for (const auto& entry :
-       std::filesystem::directory_iterator(echofuse::test::source_dir + "/config/radar")) {
+  for (const auto& entry : std::filesystem::directory_iterator(cfg_folder)) {
     const std::string name = entry.path().filename();
     ++files;
     for (const unsigned sdk : {4u, 5u, 6u})
@@ -363,7 +341,7 @@ TEST_CASE(
         // Each file suggested by the error message must exist.
         if (const auto at = failure.find("config/radar/"); at != failure.npos) {
           const std::string other = failure.substr(at, failure.find_first_of(" ,;", at) - at);
-          CHECK(std::filesystem::exists(echofuse::test::source_dir + "/" + other));
+          CHECK(std::filesystem::exists(test::source_dir + "/" + other));
         }
       }
   }

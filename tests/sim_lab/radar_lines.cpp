@@ -4,7 +4,6 @@
 
 #include "../catch.hpp"
 #include "../drivers/sink.hpp"
-#include "../fixtures/paths.hpp"
 #include "drivers/port/open_port.hpp"
 #include "drivers/radar/radar_driver.hpp"
 #include "lab_thread.hpp"
@@ -22,7 +21,7 @@ struct Lines {
     setup.cli = loop.opener("serial:" + options.dir + "/radar-cli", 115200);
     setup.data = loop.opener("serial:" + data + "/radar-data", 921600);
     setup.keep_running = true;
-    setup.cfg_text = read_text(options.dir + "/radar.cfg");
+    setup.cfg_text = contents(options.dir + "/radar.cfg");
     driver.emplace(loop, setup);
     driver->start(sink);
   }
@@ -37,11 +36,10 @@ struct Lines {
 }  // namespace
 
 TEST_CASE("the radar driver counts frames that are lost while it does not read the port") {
-  const TemporaryDirectory dir;
-  sim::LabOptions options;
-  options.dir = dir / "lab";
+  const Folder dir;
+  sim::LabOptions options = options_in(dir);
   options.radar_cfg = dir / "fast.cfg";
-  std::string cfg = read_text(echofuse::test::source_dir + "/config/radar/xwr68xx_44mm.cfg");
+  std::string cfg = contents(source_dir + "/config/radar/xwr68xx_44mm.cfg");
   cfg.replace(cfg.find("frameCfg 0 2 32 0 50"), 20, "frameCfg 0 2 32 0 10");
   std::ofstream(options.radar_cfg) << cfg;
   LabThread lab(options);
@@ -60,7 +58,7 @@ TEST_CASE("the radar driver counts frames that are lost while it does not read t
 }
 
 TEST_CASE("the radar driver detects the data port of another board on pseudo-terminals") {
-  const TemporaryDirectory dir;
+  const Folder dir;
   sim::LabOptions a, b;
   a.dir = dir / "a", b.dir = dir / "b";
   LabThread first(a), second(b);

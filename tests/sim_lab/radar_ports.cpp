@@ -8,9 +8,9 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <sstream>
 
 #include "../catch.hpp"
-#include "../fixtures/paths.hpp"
 #include "drivers/core/bytes.hpp"
 #include "drivers/port/virtual_loop.hpp"
 #include "lab_thread.hpp"
@@ -102,8 +102,7 @@ Frame take_frame(std::string& bytes) {
 }
 
 void configure(Port& cli, const std::string& cfg_path) {
-  std::ifstream cfg(cfg_path);
-  REQUIRE(cfg);
+  std::istringstream cfg(contents(cfg_path));
   for (std::string line; std::getline(cfg, line);) {
     if (line.empty() || line[0] == '%') continue;
     const std::string reply = cli.command(line);
@@ -129,8 +128,7 @@ struct BoardInMemory {
 
   // Sends the cfg for a resolution of 50 cm, with one line replaced, and starts the sensor.
   void start(const std::string& instead_of, const std::string& put) {
-    std::ifstream cfg(source_dir + "/config/radar/xwr68xx_paper_50cm.cfg");
-    REQUIRE(cfg);
+    std::istringstream cfg(contents(source_dir + "/config/radar/xwr68xx_paper_50cm.cfg"));
     for (std::string line; std::getline(cfg, line);) {
       if (line.rfind(instead_of, 0) == 0) line = put;
       line += '\n';
@@ -157,18 +155,11 @@ struct BoardInMemory {
       });
 };
 
-sim::LabOptions options_in(const TemporaryDirectory& dir) {
-  sim::LabOptions options;
-  options.dir = dir / "lab";
-  options.schedule = {"person", 11, 0};
-  return options;
-}
-
 }  // namespace
 
 TEST_CASE("after sensorStart the simulated radar sends one frame of the scene per frame period") {
-  const TemporaryDirectory dir;
-  sim::LabOptions options = options_in(dir);
+  const Folder dir;
+  sim::LabOptions options = options_in(dir, {"person", 11, 0});
   options.conditions.radar_snr_db = 40;
   LabThread lab(options);
   Port cli(options.dir + "/radar-cli", B115200), data(options.dir + "/radar-data", B921600);
@@ -264,8 +255,8 @@ TEST_CASE("the simulated radar sends one calibration line per frame if requested
 }
 
 TEST_CASE("a host with a wrong baud rate receives noise from the simulated radar") {
-  const TemporaryDirectory dir;
-  const sim::LabOptions options = options_in(dir);
+  const Folder dir;
+  const sim::LabOptions options = options_in(dir, {"person", 11, 0});
   LabThread lab(options);
   Port cli(options.dir + "/radar-cli", B9600);
   cli.write("version\n");

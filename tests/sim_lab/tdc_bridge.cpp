@@ -42,7 +42,8 @@ struct Block {
 class Client {
  public:
   explicit Client(const std::string& toml_path) {
-    const int port = std::stoi(quoted_after(read_text(toml_path), "bridge:tcp://127.0.0.1:"));
+    const std::string toml = contents(toml_path), before = "bridge:tcp://127.0.0.1:";
+    const int port = std::stoi(toml.substr(toml.find(before) + before.size()));
     fd_ = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
     const timeval patience{3, 0};
     ::setsockopt(fd_, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
@@ -83,18 +84,19 @@ class Client {
   int fd_;
 };
 
-sim::LabOptions options_in(const TemporaryDirectory& dir) {
-  sim::LabOptions options;
-  options.dir = dir / "lab";
-  options.schedule = {"person", 5, 0};
-  return options;
+// Returns the expected number of photons per second from the person in the scene of options_in().
+double photons_per_s(const sim::LabOptions& options) {
+  const auto returns = sim::spd_returns(
+      sim::make_scene(options.conditions, sim::SceneKind::person, 5, 0), options.conditions);
+  return std::accumulate(returns.weight.begin(), returns.weight.end(), 0.0) *
+         options.conditions.signal_photons / options.window_s;
 }
 
 }  // namespace
 
 TEST_CASE("the simulated time tagger sends a hello block, then tags at the rate of the scene") {
-  const TemporaryDirectory dir;
-  const sim::LabOptions options = options_in(dir);
+  const Folder dir;
+  const sim::LabOptions options = options_in(dir, {"person", 5, 0});
   LabThread lab(options);
   Client client(options.dir + "/lab.toml");
   const auto hello = client.read();
@@ -133,19 +135,15 @@ TEST_CASE("the simulated time tagger sends a hello block, then tags at the rate 
     REQUIRE(tags[i].time_ps > tags[i - 1].time_ps - 1);
     photons += tags[i].channel == 2;
   }
-  const auto returns = sim::spd_returns(
-      sim::make_scene(options.conditions, sim::SceneKind::person, 5, 0), options.conditions);
-  const double per_s = std::accumulate(returns.weight.begin(), returns.weight.end(), 0.0) *
-                       options.conditions.signal_photons / options.window_s;
-  const double expected =
-      per_s * static_cast<double>(tags.back().time_ps - tags.front().time_ps) * 1e-12;
+  const double expected = photons_per_s(options) *
+                          static_cast<double>(tags.back().time_ps - tags.front().time_ps) * 1e-12;
   REQUIRE(expected > 1e4);
   CHECK(std::abs(photons - expected) < 5 * std::sqrt(expected));
 }
 
 TEST_CASE("the simulated zone detector sends histograms at the rate of the scene") {
-  const TemporaryDirectory dir;
-  sim::LabOptions options = options_in(dir);
+  const Folder dir;
+  sim::LabOptions options = options_in(dir, {"person", 5, 0});
   options.conditions.spd_zones = 3;
   LabThread lab(options);
   Client client(options.dir + "/lab.toml");
@@ -171,18 +169,15 @@ TEST_CASE("the simulated zone detector sends histograms at the rate of the scene
     for (const auto n : to_values<std::uint32_t>(in.take(in.left()))) counts += n;
     ++histograms;
   }
-  const auto returns = sim::spd_returns(
-      sim::make_scene(options.conditions, sim::SceneKind::person, 5, 0), options.conditions);
-  const double expected = std::accumulate(returns.weight.begin(), returns.weight.end(), 0.0) *
-                          options.conditions.signal_photons / options.window_s * 0.05 * histograms;
+  const double expected = photons_per_s(options) * 0.05 * histograms;
   REQUIRE(expected > 1e4);
   CHECK(std::abs(counts - expected) < 5 * std::sqrt(expected));
 }
 
 TEST_CASE(
     "each client of the simulated tagger gets a new stream, which ends with a goodbye block") {
-  const TemporaryDirectory dir;
-  const sim::LabOptions options = options_in(dir);
+  const Folder dir;
+  const sim::LabOptions options = options_in(dir, {"person", 5, 0});
   LabThread lab(options);
   for (int i = 0; i < 3; ++i) {
     Client client(options.dir + "/lab.toml");
@@ -204,8 +199,8 @@ TEST_CASE(
 }
 
 TEST_CASE("the simulated bridge reports tags lost by a slow client in the next block header") {
-  const TemporaryDirectory dir;
-  sim::LabOptions options = options_in(dir);
+  const Folder dir;
+  sim::LabOptions options = options_in(dir, {"person", 5, 0});
   // 4e6 tags per second (64 MB/s) exceed the capacity of the queue and the socket.
   options.window_s = 0.05;
   LabThread lab(options);
@@ -227,12 +222,7 @@ TEST_CASE("the simulated bridge reports tags lost by a slow client in the next b
   }
   // The number of dropped tags must equal the tag rate of the scene multiplied by the duration of
   // the gap between the received tags.
-  const auto returns = sim::spd_returns(
-      sim::make_scene(options.conditions, sim::SceneKind::person, 5, 0), options.conditions);
-  const double pulses_hz = options.tagging.laser_rate_hz,
-               window_photons = std::accumulate(returns.weight.begin(), returns.weight.end(), 0.0) *
-                                options.conditions.signal_photons;
-  const double photons_hz = window_photons / options.window_s;
+  const double pulses_hz = options.tagging.laser_rate_hz, photons_hz = photons_per_s(options);
   const double tags_hz = photons_hz + pulses_hz * -std::expm1(-photons_hz / pulses_hz);
   const double expected = tags_hz * static_cast<double>(gap_ps) * 1e-12;
   CHECK(std::abs(static_cast<double>(dropped) - expected) < 5 * 2 * std::sqrt(expected));
