@@ -11,17 +11,11 @@
 #include <array>
 #include <cerrno>
 #include <chrono>
-#include <condition_variable>
 #include <cstdio>
 #include <cstring>
-#include <mutex>
-#include <optional>
-#include <thread>
 #include <vector>
 
 #include "drivers/util/exit_code.hpp"
-#include "tests/emulation/cp2110_chip.hpp"
-#include "tests/emulation/usb_bed.hpp"
 
 namespace echofuse::sim {
 namespace {
@@ -76,111 +70,92 @@ std::string describe(const HidOptions& options) {
 
 }  // namespace
 
-struct HidCp2110::Parts final : BedNode {
-  Parts(UsbBed& bed, const HidOptions& options, std::function<void(ByteView)> transmit)
-      : BedNode(bed, node_of(options.number), describe(options), folders(options.number)),
-        chip(std::move(transmit)),
-        pump_thread([this] { pump(); }) {}
-  ~Parts() override;
+HidCp2110::HidCp2110(UsbBed& bed, const HidOptions& options, std::function<void(ByteView)> transmit)
+    : BedNode(bed, node_of(options.number), describe(options), folders(options.number)),
+      chip_(std::move(transmit)),
+      pump_thread_([this] { pump(); }) {
+  plug();
+}
 
-  void on_plug(int new_fifo) override;
-  void on_unplug() override;
-  Answer on_ioctl(Client client, unsigned long request, UMockdevIoctlData* argument) override;
-  std::optional<Answer> on_read() override;
-  std::optional<Answer> on_write(ByteView bytes) override;
-  void on_client() override;
-  void input(ByteView report);
-  void pump();
-
-  std::mutex mutex;  // protects the members below
-  std::condition_variable wake;
-  Cp2110Chip chip;
-  int fifo = -1;
-  bool plugged = false, ending = false;
-  std::uint64_t host_dropped = 0, output_reports = 0, opened = 0;
-  std::thread pump_thread;
-};
-
-HidCp2110::Parts::~Parts() {
+HidCp2110::~HidCp2110() {
+  unplug();
   detach();
   {
-    const std::lock_guard lock(mutex);
-    ending = true;
+    const std::lock_guard lock(mutex_);
+    ending_ = true;
   }
-  wake.notify_all();
-  pump_thread.join();
+  wake_.notify_all();
+  pump_thread_.join();
 }
 
 // Sets the packet mode of the pipe, so that poll() works and each read() returns one report.
-void HidCp2110::Parts::on_plug(int new_fifo) {
-  const std::lock_guard lock(mutex);
-  fifo = new_fifo;
+void HidCp2110::on_plug(int fifo) {
+  const std::lock_guard lock(mutex_);
+  fifo_ = fifo;
   if (::fcntl(fifo, F_SETPIPE_SZ, host_buffer_bytes) < 0 ||
       ::fcntl(fifo, F_SETFL, O_RDWR | O_NONBLOCK | O_DIRECT) < 0)
     throw Error(ExitCode::failed,
                 std::string("HID emulation: packet mode: ") + std::strerror(errno));
-  plugged = true;
+  plugged_ = true;
 }
 
 // Writes a byte to wake programs that wait in poll(). Their next read() fails with EIO.
-void HidCp2110::Parts::on_unplug() {
-  const std::lock_guard lock(mutex);
-  plugged = false;
-  chip.set_feature(Bytes{0x43, 3});
-  chip.set_feature(Bytes{0x41, 0});
+void HidCp2110::on_unplug() {
+  const std::lock_guard lock(mutex_);
+  plugged_ = false;
+  chip_.set_feature(Bytes{0x43, 3});
+  chip_.set_feature(Bytes{0x41, 0});
   const std::uint8_t byte = 0;
   input({&byte, 1});
 }
 
-std::optional<BedNode::Answer> HidCp2110::Parts::on_read() {
-  const std::lock_guard lock(mutex);
-  if (plugged) return std::nullopt;
+std::optional<BedNode::Answer> HidCp2110::on_read() {
+  const std::lock_guard lock(mutex_);
+  if (plugged_) return std::nullopt;
   return fail(EIO);
 }
 
-std::optional<BedNode::Answer> HidCp2110::Parts::on_write(ByteView bytes) {
-  const std::lock_guard lock(mutex);
-  if (!plugged) return fail(ENODEV);
-  if (!chip.output(bytes)) return fail(EINVAL);
-  ++output_reports;
+std::optional<BedNode::Answer> HidCp2110::on_write(ByteView bytes) {
+  const std::lock_guard lock(mutex_);
+  if (!plugged_) return fail(ENODEV);
+  if (!chip_.output(bytes)) return fail(EINVAL);
   return Answer{static_cast<long>(bytes.size())};
 }
 
 // Discards the reports sent before a client opened the node, as the kernel does.
-void HidCp2110::Parts::on_client() {
-  const std::lock_guard lock(mutex);
-  ++opened;
+void HidCp2110::on_client() {
+  const std::lock_guard lock(mutex_);
+  ++opened_;
   Cp2110Chip::Report report;
-  while (::read(fifo, report.data(), report.size()) > 0) {
+  while (::read(fifo_, report.data(), report.size()) > 0) {
   }
 }
 
-void HidCp2110::Parts::input(ByteView report) {
-  if (::write(fifo, report.data(), report.size()) < 0) ++host_dropped;
+void HidCp2110::input(ByteView report) {
+  if (::write(fifo_, report.data(), report.size()) < 0) ++host_dropped_;
 }
 
 // Sends one interrupt IN transfer per USB frame.
-void HidCp2110::Parts::pump() {
-  std::unique_lock lock(mutex);
+void HidCp2110::pump() {
+  std::unique_lock lock(mutex_);
   auto next = std::chrono::steady_clock::now();
-  while (!ending) {
-    if (!plugged || !chip.waiting()) {
-      wake.wait(lock, [this] { return ending || (plugged && chip.waiting()); });
+  while (!ending_) {
+    if (!plugged_ || !chip_.waiting()) {
+      wake_.wait(lock, [this] { return ending_ || (plugged_ && chip_.waiting()); });
       next = std::max(next, std::chrono::steady_clock::now());
       continue;
     }
-    if (const auto report = chip.next_input()) input(*report);
+    if (const auto report = chip_.next_input()) input(*report);
     next += usb_frame;
-    wake.wait_until(lock, next, [this] { return ending; });
+    wake_.wait_until(lock, next, [this] { return ending_; });
   }
 }
 
 // Identifies requests only by their number, because the size field of most requests depends on the
 // client's buffer.
-BedNode::Answer HidCp2110::Parts::on_ioctl(Client, unsigned long request,
-                                           UMockdevIoctlData* argument) {
-  const std::lock_guard lock(mutex);
-  if (!plugged) return fail(ENODEV);
+BedNode::Answer HidCp2110::on_ioctl(Client, unsigned long request, UMockdevIoctlData* argument) {
+  const std::lock_guard lock(mutex_);
+  if (!plugged_) return fail(ENODEV);
   const std::size_t size = _IOC_SIZE(request);
   const ClientData data = resolve(argument, 0, size);
   if (!data) return fail(EFAULT);
@@ -201,10 +176,10 @@ BedNode::Answer HidCp2110::Parts::on_ioctl(Client, unsigned long request,
       return {0};
     }
     case _IOC_NR(HIDIOCSFEATURE(0)):
-      if (!chip.set_feature({data->data, size})) return fail(EPIPE);
+      if (!chip_.set_feature({data->data, size})) return fail(EPIPE);
       return {static_cast<long>(size)};
     case _IOC_NR(HIDIOCGFEATURE(0)): {
-      const auto report = chip.get_feature(data->data[0]);
+      const auto report = chip_.get_feature(data->data[0]);
       if (!report) return fail(EPIPE);
       const std::size_t bytes = std::min(size, report->size());
       std::memcpy(data->data, report->data(), bytes);
@@ -215,65 +190,24 @@ BedNode::Answer HidCp2110::Parts::on_ioctl(Client, unsigned long request,
   }
 }
 
-HidCp2110::HidCp2110(UsbBed& bed, HidOptions options, std::function<void(ByteView)> transmit)
-    : parts_(std::make_unique<Parts>(bed, options, std::move(transmit))) {
-  plug();
-}
-
-HidCp2110::~HidCp2110() { unplug(); }
-
-void HidCp2110::plug() { parts_->plug(); }
-
-void HidCp2110::unplug() { parts_->unplug(); }
-
 std::size_t HidCp2110::receive(ByteView bytes) {
-  const std::lock_guard lock(parts_->mutex);
-  if (!parts_->plugged) return 0;
-  const std::size_t fits = parts_->chip.receive(bytes);
-  parts_->wake.notify_all();
+  const std::lock_guard lock(mutex_);
+  if (!plugged_) return 0;
+  const std::size_t fits = chip_.receive(bytes);
+  wake_.notify_all();
   return fits;
 }
 
 void HidCp2110::raw_input(ByteView report) {
-  const std::lock_guard lock(parts_->mutex);
-  if (parts_->plugged) parts_->input(report);
-}
-
-std::uint32_t HidCp2110::baud() const {
-  const std::lock_guard lock(parts_->mutex);
-  return parts_->chip.baud();
-}
-
-Bytes HidCp2110::config() const {
-  const std::lock_guard lock(parts_->mutex);
-  return parts_->chip.config();
-}
-
-bool HidCp2110::on() const {
-  const std::lock_guard lock(parts_->mutex);
-  return parts_->chip.on();
+  const std::lock_guard lock(mutex_);
+  if (plugged_) input(report);
 }
 
 std::size_t HidCp2110::host_waiting() const {
-  const std::lock_guard lock(parts_->mutex);
+  const std::lock_guard lock(mutex_);
   int bytes = 0;
-  ::ioctl(parts_->fifo, FIONREAD, &bytes);
+  ::ioctl(fifo_, FIONREAD, &bytes);
   return static_cast<std::size_t>(bytes);
-}
-
-std::uint64_t HidCp2110::host_dropped() const {
-  const std::lock_guard lock(parts_->mutex);
-  return parts_->host_dropped;
-}
-
-std::uint64_t HidCp2110::output_reports() const {
-  const std::lock_guard lock(parts_->mutex);
-  return parts_->output_reports;
-}
-
-std::uint64_t HidCp2110::opened() const {
-  const std::lock_guard lock(parts_->mutex);
-  return parts_->opened;
 }
 
 }  // namespace echofuse::sim

@@ -103,12 +103,12 @@ TEST_CASE("the CP2110 with the requested serial number is opened and configured"
   Bridge a("A", 0), b("B", 1);
   Host host;
   host.opens("B", 921600);
-  CHECK(b.device.on());
-  CHECK(b.device.config() == Bytes{0x50, 0x00, 0x0E, 0x10, 0x00, 0, 0, 3, 0});
-  CHECK_FALSE(a.device.on());
+  CHECK(b.device.chip().on());
+  CHECK(b.device.chip().config() == Bytes{0x50, 0x00, 0x0E, 0x10, 0x00, 0, 0, 3, 0});
+  CHECK_FALSE(a.device.chip().on());
   Host other;
   other.opens("A");
-  CHECK(a.device.baud() == 115200);
+  CHECK(a.device.chip().baud() == 115200);
 }
 
 TEST_CASE("an address that matches two CP2110 devices is refused") {
