@@ -8,6 +8,7 @@
 #include <filesystem>
 
 #include "../fixtures/dataset.hpp"
+#include "../fixtures/run.hpp"
 #include "../recon/crafted.hpp"
 #include "fuzz.hpp"
 #include "recon/data/files.hpp"
@@ -22,41 +23,17 @@ using fuzz::require;
 
 namespace {
 
-constexpr std::size_t spd_bins = 30, radar_bins_ = 24, pixels = 64 * 64;
+constexpr std::size_t pixels = 64 * 64;
 
-// Returns records of a flat plate. The position of the plate depends on the record index. Both
-// sensors detect the plate.
-Dataset plates(std::size_t count) {
-  Dataset d;
-  photons(d).axis = Axis{"spd", "counts", "ps", spd_bins, 16000, 400, 1};
-  profiles(d).axis = Axis{"radar", "power", "m", radar_bins_, 0, 0.25, 1};
-  photons(d) = Matrix(count, spd_bins), profiles(d) = Matrix(count, radar_bins_);
-  depth_maps(d) = Matrix(count, pixels);
-  const auto bump = [](double at, double centre, double width) {
-    return static_cast<float>(std::exp(-std::pow((at - centre) / width, 2)));
-  };
-  for (std::size_t i = 0; i < count; ++i) {
-    const double turn = static_cast<double>(i) * 0.618034;
-    const double x = 2 * (turn - std::floor(turn)) - 1, z = 3 + static_cast<double>(i % 7) / 7;
-    for (std::size_t b = 0; b < spd_bins; ++b)
-      photons(d).row(i)[b] =
-          std::round(2 + 2e4f * bump(photons(d).axis.at(static_cast<double>(b) + 0.5) / ps_per_m,
-                                     std::hypot(x, z), 0.2));
-    for (std::size_t b = 0; b < radar_bins_; ++b)
-      profiles(d).row(i)[b] =
-          bump(profiles(d).axis.at(static_cast<double>(b)), std::hypot(x + 0.5, z), 0.4) +
-          0.002f * static_cast<float>((i * 7 + b * 5) % 11);
-    const auto centre = static_cast<std::size_t>(32 + 20 * x / z * 3);
-    for (std::size_t r = 20; r < 44; ++r)
-      for (std::size_t c = centre - 4; c < centre + 4; ++c)
-        depth_maps(d).row(i)[r * 64 + c] = static_cast<float>(z);
-    d.records.push_back({.valid = SensorSet::from_bits(7),
-                         .index = static_cast<std::int64_t>(i),
-                         .clicks_per_pulse = 0.01,
-                         .label = "plate"});
-  }
-  d.sources.push_back({"plates", "00000000-0000-0000-0000-000000000000", 0, count});
-  return d;
+std::string scratch_file() {
+  return std::filesystem::temp_directory_path() / ("echofuse-fuzz-" + std::to_string(::getpid()));
+}
+
+Dataset plates(std::int64_t count) {
+  const std::string path = scratch_file();
+  Dataset all = load({a_run(count).write(path)});
+  std::filesystem::remove(path);
+  return all;
 }
 
 crafted::Model make_base(const Dataset& data, const std::string& kind, bool whole) {
@@ -70,8 +47,7 @@ crafted::Model make_base(const Dataset& data, const std::string& kind, bool whol
     how.model = "pca-mlp-6-5", how.inputs = "spd";
     model.estimators.push_back(std::move(train(data, how).first()));
   }
-  const std::string path =
-      std::filesystem::temp_directory_path() / ("echofuse-fuzz-" + std::to_string(::getpid()));
+  const std::string path = scratch_file();
   save_model(model, path);
   const Bytes contents = read_file(path);
   std::filesystem::remove(path);
@@ -228,7 +204,7 @@ void check_answers(const TrainedModel& model) {
   static const Dataset few = plates(3);
   Dataset data = few;
   // The record without a radar echo makes the model use its fallback.
-  std::fill_n(profiles(data).row(2).begin(), radar_bins_, 0.f);
+  std::ranges::fill(profiles(data).row(2), 0.f);
   model.match(data);
   Rows rows;
   for (std::size_t row = 0; row < data.size(); ++row)

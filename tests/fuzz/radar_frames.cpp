@@ -88,12 +88,7 @@ bool same(const RadarFrame& a, const RadarFrame& b) {
 }
 
 bool same(const FrameCounts& a, const FrameCounts& b) {
-  return a.bytes == b.bytes && a.frames == b.frames && a.frame_bytes == b.frame_bytes &&
-         a.range_profiles == b.range_profiles && a.arrays == b.arrays &&
-         a.junk_bytes == b.junk_bytes && a.truncated_frames == b.truncated_frames &&
-         a.truncated_bytes == b.truncated_bytes && a.bad_headers == b.bad_headers &&
-         a.bad_tlvs == b.bad_tlvs && a.other_tlvs == b.other_tlvs && a.resyncs == b.resyncs &&
-         a.lost_frames == b.lost_frames && a.restarts == b.restarts &&
+  return std::ranges::equal(counters_of(a), counters_of(b), {}, &Counter::value, &Counter::value) &&
          a.first_frame_number == b.first_frame_number &&
          a.last_frame_number == b.last_frame_number && a.tlvs == b.tlvs;
 }

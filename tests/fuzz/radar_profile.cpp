@@ -56,12 +56,6 @@ void check(const RadarProfile& p) {
       require(line.starts_with("x.cfg:") && fuzz::is_printable(line), "a warning is one line");
 }
 
-void check_faults(std::string_view faults) {
-  require(!faults.empty() && fuzz::is_printable(faults, "\n"), "faults can be printed");
-  for (; !faults.empty(); faults.remove_prefix(std::min(faults.find('\n'), faults.size() - 1) + 1))
-    require(faults.starts_with("x.cfg:"), "each line is one fault and names the file");
-}
-
 bool same(const Outcome& a, const Outcome& b) {
   if (a.fault != b.fault || a.profile.has_value() != b.profile.has_value()) return false;
   return !a.profile ||
@@ -80,7 +74,7 @@ void fuzz::run(ByteView input) {
   if (outcome.profile)
     check(*outcome.profile);
   else
-    check_faults(outcome.fault);
+    require_faults(outcome.fault, "x.cfg:");
   std::string windows;
   for (const char c : text) windows += c == '\n' ? std::string("\r\n") : std::string(1, c);
   require(same(outcome, outcome_of(windows)), "line ends have no effect");

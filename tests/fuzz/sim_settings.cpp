@@ -59,10 +59,7 @@ void fuzz::run(ByteView input) {
     if (input[0] == 't') return read_a_twin(text);
     read_settings(text);
   } catch (const Error& error) {
-    std::string_view rest = error.what();
     require(error.code() == ExitCode::config, "a fault has the code of a configuration");
-    require(!rest.empty() && is_printable(rest, "\n"), "faults can be printed");
-    for (; !rest.empty(); rest.remove_prefix(std::min(rest.find('\n'), rest.size() - 1) + 1))
-      require(rest.starts_with("x.toml:"), "each line is one fault with its position");
+    require_faults(error.what(), "x.toml:");
   }
 }
