@@ -18,6 +18,7 @@ RealSense, IntelRealSense/librealsense: wrappers/python/pyrs_pipeline.cpp at com
 pyrs_device.cpp, pyrs_options.cpp."""
 import ast
 import inspect
+import re
 import unittest
 
 import testing
@@ -26,118 +27,61 @@ import pyorbbecsdk
 import pyrealsense2
 import TimeTagger
 
-SWABIAN = {
-    "createTimeTagger": ["serial", "resolution"],
-    "createTimeTaggerNetwork": ["address"],
-    "createTimeTaggerVirtual": ["filename", "begin", "duration"],
-    "getVersion": [],
-    "scanTimeTagger": [],
-    "freeTimeTagger": ["tagger"],
-    "TimeTagger.getTriggerLevel": ["channel"],
-    "TimeTagger.getDACRange": [],
-    "TimeTaggerNetwork.isConnected": [],
-    "TimeTaggerNetwork.setDelayClient": ["channel", "time"],
-    "TimeTaggerVirtual.run": ["speed"],
-    "setReplaySpeed": ["self", "speed"],
-    "replay": ["self", "file", "begin", "duration", "queue"],
-    "TimeTaggerVirtual.waitForCompletion": ["ID", "timeout"],
-    "Countrate.__init__": ["tagger", "channels"],
-    "Countrate.startFor": ["capture_duration", "clear"],
-    "Countrate.waitUntilFinished": ["timeout"],
-    "Countrate.getData": [],
-    "TimeTagger.getModel": [],
-    "TimeTagger.getSerial": [],
-    "TimeTagger.getFirmwareVersion": [],
-    "TimeTagger.setTestSignal": ["channel", "enabled"],
-    "TimeTagger.setTriggerLevel": ["channel", "voltage"],
-    "TimeTagger.setInputDelay": ["channel", "delay"],
-    "TimeTagger.setDelayHardware": ["channel", "delay"],
-    "TimeTagger.setDelaySoftware": ["channel", "delay"],
-    "TimeTagger.setDeadtime": ["channel", "deadtime"],
-    "TimeTagger.setConditionalFilter": ["trigger", "filtered", "hardwareDelayCompensation"],
-    "TimeTagger.setEventDivider": ["channel", "divider"],
-    "TimeTagger.sync": ["timeout"],
-    "TimeTagStream.__init__": ["tagger", "n_max_events", "channels"],
-    "TimeTagStream.isRunning": [],
-    "TimeTagStream.getData": [],
-    "TimeTagStream.stop": [],
-    "TimeTagStreamBuffer.getEventTypes": [],
-    "TimeTagStreamBuffer.getMissedEvents": [],
-    "TimeTagStreamBuffer.getChannels": [],
-    "TimeTagStreamBuffer.getTimestamps": [],
-    "CustomMeasurement.__init__": ["tagger"],
-    "CustomMeasurement.register_channel": ["channel"],
-    "CustomMeasurement.finalize_init": [],
-    "CustomMeasurement.process": ["incoming_tags", "begin_time", "end_time"],
-    "CustomMeasurement.isRunning": [],
-    "CustomMeasurement.stop": [],
-}
-SWABIAN_FIELDS = {"size", "mutex"}
 
-ORBBEC = {
-    "Context.query_devices": 0,
-    "DeviceList.get_count": 0,
-    "DeviceList.get_device_serial_number_by_index": 1,
-    "DeviceList.get_device_by_serial_number": 1,
-    "Device.get_device_info": 0,
-    "Device.is_property_supported": 2,
-    "Device.set_bool_property": 2,
-    "Device.set_int_property": 2,
-    "Device.get_available_preset_list": 0,
-    "Device.load_preset": 1,
-    "Device.get_depth_work_mode_list": 0,
-    "Device.set_depth_work_mode": 1,
-    "DevicePresetList.get_count": 0,
-    "DevicePresetList.get_name_by_index": 1,
-    "OBDepthWorkModeList.get_count": 0,
-    "OBDepthWorkModeList.get_depth_work_mode_by_index": 1,
-    "DeviceInfo.get_name": 0,
-    "DeviceInfo.get_serial_number": 0,
-    "DeviceInfo.get_firmware_version": 0,
-    "Config.enable_stream": 1,
-    "StreamProfileList.get_video_stream_profile": 4,
-    "VideoStreamProfile.get_intrinsic": 0,
-    "VideoStreamProfile.get_distortion": 0,
-    "Pipeline.__init__": 1,
-    "Pipeline.get_stream_profile_list": 1,
-    "Pipeline.start": 1,
-    "Pipeline.stop": 0,
-    "Pipeline.get_camera_param": 0,
-    "Pipeline.wait_for_frames": 1,
-    "FrameSet.get_depth_frame": 0,
-    "DepthFrame.get_index": 0,
-    "DepthFrame.get_width": 0,
-    "DepthFrame.get_height": 0,
-    "DepthFrame.get_depth_scale": 0,
-    "DepthFrame.get_timestamp_us": 0,
-    "DepthFrame.get_data": 0,
-}
+def table(text):
+    """Returns {"Class.method" or "function": its arguments}. A line of the text begins with the class or with "module".
+    The arguments are names or their number."""
+    owner, out = "", {}
+    for new_owner, name, listed in re.findall(r"(\w+):|(\w+)\(([\w ]*)\)", text):
+        if new_owner:
+            owner = "" if new_owner == "module" else new_owner + "."
+        else:
+            out[owner + name] = listed.split()
+    return out
 
-REALSENSE = {
-    "context.query_devices": 0,
-    "device.get_info": 1,
-    "device.first_depth_sensor": 0,
-    "depth_sensor.supports": 1,
-    "depth_sensor.set_option": 2,
-    "depth_sensor.get_option_range": 1,
-    "depth_sensor.get_option_value_description": 2,
-    "config.enable_device": 1,
-    "config.enable_stream": 5,
-    "pipeline.start": 1,
-    "pipeline.stop": 0,
-    "pipeline.try_wait_for_frames": 1,
-    "pipeline_profile.get_device": 0,
-    "pipeline_profile.get_stream": 2,
-    "stream_profile.as_video_stream_profile": 0,
-    "video_stream_profile.get_intrinsics": 0,
-    "composite_frame.get_depth_frame": 0,
-    "depth_frame.get_frame_number": 0,
-    "depth_frame.get_timestamp": 0,
-    "depth_frame.get_units": 0,
-    "depth_frame.get_width": 0,
-    "depth_frame.get_height": 0,
-    "depth_frame.get_data": 0,
-}
+
+SWABIAN = table("""
+module: createTimeTagger(serial resolution) createTimeTaggerNetwork(address)
+    createTimeTaggerVirtual(filename begin duration) getVersion() scanTimeTagger() freeTimeTagger(tagger)
+    setReplaySpeed(self speed) replay(self file begin duration queue)
+TimeTagger: getTriggerLevel(channel) getDACRange() getModel() getSerial() getFirmwareVersion()
+    setTestSignal(channel enabled) setTriggerLevel(channel voltage) setInputDelay(channel delay)
+    setDelayHardware(channel delay) setDelaySoftware(channel delay) setDeadtime(channel deadtime)
+    setConditionalFilter(trigger filtered hardwareDelayCompensation) setEventDivider(channel divider) sync(timeout)
+TimeTaggerNetwork: isConnected() setDelayClient(channel time)
+TimeTaggerVirtual: run(speed) waitForCompletion(ID timeout)
+Countrate: __init__(tagger channels) startFor(capture_duration clear) waitUntilFinished(timeout) getData()
+TimeTagStream: __init__(tagger n_max_events channels) isRunning() getData() stop()
+TimeTagStreamBuffer: getEventTypes() getMissedEvents() getChannels() getTimestamps()
+CustomMeasurement: __init__(tagger) register_channel(channel) finalize_init()
+    process(incoming_tags begin_time end_time) isRunning() stop()""")
+
+ORBBEC = table("""
+Context: query_devices(0)
+DeviceList: get_count(0) get_device_serial_number_by_index(1) get_device_by_serial_number(1)
+Device: get_device_info(0) is_property_supported(2) set_bool_property(2) set_int_property(2)
+    get_available_preset_list(0) load_preset(1) get_depth_work_mode_list(0) set_depth_work_mode(1)
+DevicePresetList: get_count(0) get_name_by_index(1)
+OBDepthWorkModeList: get_count(0) get_depth_work_mode_by_index(1)
+DeviceInfo: get_name(0) get_serial_number(0) get_firmware_version(0)
+Config: enable_stream(1)
+StreamProfileList: get_video_stream_profile(4)
+VideoStreamProfile: get_intrinsic(0) get_distortion(0)
+Pipeline: __init__(1) get_stream_profile_list(1) start(1) stop(0) get_camera_param(0) wait_for_frames(1)
+FrameSet: get_depth_frame(0)
+DepthFrame: get_index(0) get_width(0) get_height(0) get_depth_scale(0) get_timestamp_us(0) get_data(0)""")
+
+REALSENSE = table("""
+context: query_devices(0)
+device: get_info(1) first_depth_sensor(0)
+depth_sensor: supports(1) set_option(2) get_option_range(1) get_option_value_description(2)
+config: enable_device(1) enable_stream(5)
+pipeline: start(1) stop(0) try_wait_for_frames(1)
+pipeline_profile: get_device(0) get_stream(2)
+stream_profile: as_video_stream_profile(0)
+video_stream_profile: get_intrinsics(0)
+composite_frame: get_depth_frame(0)
+depth_frame: get_frame_number(0) get_timestamp(0) get_units(0) get_width(0) get_height(0) get_data(0)""")
 
 
 def arguments(module, name):
@@ -172,11 +116,11 @@ class Signatures(unittest.TestCase):
 
     def test_orbbec_stand_in_has_the_signatures_that_the_vendor_published(self):
         for name, expected in ORBBEC.items():
-            self.assertEqual(len(arguments(pyorbbecsdk, name)), expected, name)
+            self.assertEqual([str(len(arguments(pyorbbecsdk, name)))], expected, name)
 
     def test_realsense_stand_in_has_the_signatures_that_the_vendor_published(self):
         for name, expected in REALSENSE.items():
-            self.assertEqual(len(arguments(pyrealsense2, name)), expected, name)
+            self.assertEqual([str(len(arguments(pyrealsense2, name)))], expected, name)
 
     def test_bridges_call_only_functions_that_the_vendors_published(self):
         known = {name.split(".")[-1] for name in SWABIAN} | {"TimeTagStream", "take", "Replay", "Countrate"}
