@@ -155,8 +155,7 @@ TEST_CASE("a calibration file is valid whether or not it contains antenna gains 
 
 TEST_CASE("antenna positions of the radar board are combined with the calibrated gains") {
   const Folder folder;
-  const std::string path = folder / "lab.toml",
-                    radar = echofuse::test::source_dir + "/config/radar/";
+  const std::string path = folder / "lab.toml", radar = source_dir + "/config/radar/";
   fs::copy_file(radar + "xwr68xx_azimuth_50cm.cfg", folder / "azimuth.cfg");
   fs::copy_file(radar + "xwr68xx_paper_50cm.cfg", folder / "paper.cfg");
   write_file(path,

@@ -20,14 +20,7 @@ TEST_CASE("a calibration file is read back with the values that were written") {
   const Calibration back = read_calibration(path);
   CHECK(back.response == c.response);
   CHECK(back.axes == c.axes);
-  REQUIRE(back.entries.size() == 1);
-  const auto& e = back.entries[0];
-  CHECK(e.sensor == Sensor::radar);
-  CHECK(e.date_utc == "2026-11-21T10:00:00Z");
-  CHECK(e.method == "some method");
-  CHECK(e.distance_m == 1.5);
-  CHECK(e.offset_m == -0.0375);
-  CHECK(e.standard_error_m == 2e-4);
+  CHECK(back.entries == c.entries);
   REQUIRE(back.firmware);
   CHECK(back.firmware->range_bias_m == 0.0123456);
   CHECK(back.firmware->re_im == std::vector<double>{1, 0, -0.5, 0.25});

@@ -1,19 +1,10 @@
 // SPDX-License-Identifier: MIT
 // Slot of the doctor command with artificial samples.
 #pragma once
-#include <utility>
-#include <vector>
-
+#include "../fixtures/record.hpp"
 #include "acquire/doctor/doctor.hpp"
 
 namespace echofuse::test {
-
-inline DeviceInfo device_of(Sensor sensor, std::vector<Axis> axes) {
-  DeviceInfo info;
-  info.sensor = sensor;
-  info.axes = std::move(axes);
-  return info;
-}
 
 // Start and centre of the slot of captured().
 inline constexpr HostTime doctor_begin = std::chrono::seconds(10);

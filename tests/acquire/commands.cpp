@@ -143,8 +143,7 @@ TEST_CASE("commands exit with an error if standard output cannot be written") {
   for (const std::string& command :
        {"info " + folder / "a", "info --json " + folder / "a",
         "config show --config " + folder / "lab.toml", std::string("--help")}) {
-    const Outcome o =
-        shell("(" + echofuse::test::bin_dir + "/echofuse-acquire " + command + " > /dev/full)");
+    const Outcome o = shell("(" + bin_dir + "/echofuse-acquire " + command + " > /dev/full)");
     CAPTURE(command, o.text);
     CHECK(o.code == 1);
     CHECK(has(o.text, "stdout: cannot write: No space left on device"));
@@ -153,8 +152,7 @@ TEST_CASE("commands exit with an error if standard output cannot be written") {
 
 TEST_CASE("the doctor command runs without a configuration file but stops if the file is invalid") {
   const Folder folder;
-  const std::string here =
-      "cd " + folder / "" + " && " + echofuse::test::bin_dir + "/echofuse-acquire doctor";
+  const std::string here = "cd " + folder / "" + " && " + bin_dir + "/echofuse-acquire doctor";
   const Outcome o = shell(here + " --json");
   CAPTURE(o.text);
   REQUIRE(o.code == 0);
@@ -200,8 +198,8 @@ TEST_CASE("the run command refuses a read-only folder, and metadata that have no
   // If the test runs as root, the command drops its privileges, because root may write to a
   // read-only folder.
   const std::string as_user = geteuid() == 0 ? "setpriv --bounding-set=-all --inh-caps=-all " : "";
-  const Outcome o = shell(as_user + echofuse::test::bin_dir + "/echofuse-acquire run --out " +
-                          folder / "closed/a" + config);
+  const Outcome o =
+      shell(as_user + bin_dir + "/echofuse-acquire run --out " + folder / "closed/a" + config);
   CAPTURE(o.text);
   CHECK(o.code == 6);
   CHECK(has(o.text, "closed/a.sqlite: its folder is not writable: Permission denied"));
@@ -226,10 +224,10 @@ TEST_CASE("calibrate runs without a calibration file and never overwrites an unr
 
 TEST_CASE("a run with silent devices reports each device in one line and creates no file") {
   const Folder folder;
-  write_file(folder / "lab.toml",
-             "[run]\nconnect_timeout_s = 0.3\n" + tdc_nowhere + "[radar]\ncli = \"serial:" +
-                 folder / "cli" + "\"\ndata = \"serial:" + folder / "data" + "\"\ncfg = \"" +
-                 echofuse::test::source_dir + "/config/radar/xwr68xx_paper_50cm.cfg\"\n");
+  write_file(folder / "lab.toml", "[run]\nconnect_timeout_s = 0.3\n" + tdc_nowhere +
+                                      "[radar]\ncli = \"serial:" + folder / "cli" +
+                                      "\"\ndata = \"serial:" + folder / "data" + "\"\ncfg = \"" +
+                                      source_dir + "/config/radar/xwr68xx_paper_50cm.cfg\"\n");
   const std::string config = " --config " + folder / "lab.toml";
   const Outcome o = acquire("run -q --out " + folder / "a" + config);
   CAPTURE(o.text);
@@ -246,8 +244,8 @@ TEST_CASE("a run with silent devices reports each device in one line and creates
 
 TEST_CASE("the devices command lists attached devices if no configuration file exists") {
   const Folder folder;
-  const Outcome o = shell("cd " + folder / "" + " && " + echofuse::test::bin_dir +
-                          "/echofuse-acquire devices --json");
+  const Outcome o =
+      shell("cd " + folder / "" + " && " + bin_dir + "/echofuse-acquire devices --json");
   CAPTURE(o.text);
   REQUIRE(o.code == 0);
   const Json all = Json::parse(o.text);

@@ -7,8 +7,8 @@
 #include <fstream>
 
 #include "../catch.hpp"
+#include "../fixtures/error.hpp"
 #include "../fixtures/folder.hpp"
-#include "drivers/util/exit_code.hpp"
 
 using namespace echofuse;
 using namespace echofuse::acquire;
@@ -60,14 +60,8 @@ TEST_CASE("an invalid lock file is reported as a device fault") {
   const Locks locks;
   const Config config = tagger_at("bridge:tcp://h:1");
   std::ofstream(locks / lock_name(config.tdc.address)) << "precious";
-  try {
-    DeviceLocks(config, "run");
-    FAIL("no error");
-  } catch (const Error& e) {
-    CHECK(e.code() == ExitCode::device);
-    CHECK_THAT(e.what(),
-               Catch::StartsWith("the device lock ") && Contains("is not an echofuse lock file"));
-  }
+  CHECK_THAT(test::refusal_by([&] { DeviceLocks(config, "run"); }, ExitCode::device),
+             Catch::StartsWith("the device lock ") && Contains("is not an echofuse lock file"));
 }
 
 TEST_CASE("the file name of a device lock depends on the device address") {

@@ -188,6 +188,7 @@ TEST_CASE("import checks the header of a .ptu file against its records") {
     return file.real("MeasDesc_Resolution", dtime_s);
   };
   constexpr std::uint32_t is_t2 = 0x01010204, is_t3 = 0x01010304;
+  const auto plain = [&] { return header(is_t2, 1e-12, 0); };
   int n = 0;
   const auto import = [&](const Tagged& file, const std::string& more = "") {
     const std::string name = folder / ("t" + std::to_string(++n));
@@ -202,8 +203,7 @@ TEST_CASE("import checks the header of a .ptu file against its records") {
       throw Error(ExitCode::ok, said + warnings_of(name + ".sqlite"));
     });
     CAPTURE(text);
-    CHECK(echofuse::test::fs::exists(name + ".sqlite") ==
-          (code == ExitCode::ok || code == ExitCode::partial));
+    CHECK(fs::exists(name + ".sqlite") == (code == ExitCode::ok || code == ExitCode::partial));
     return std::pair{code, text};
   };
   const auto says = [&](const Tagged& file, ExitCode code, const std::string& expected) {
@@ -211,53 +211,50 @@ TEST_CASE("import checks the header of a .ptu file against its records") {
     CAPTURE(said.second, expected);
     CHECK((said.first == code && has(said.second, expected)));
   };
-  const auto said = import(header(is_t2, 1e-12, 0).end().data(light));
+  const auto said = import(plain().end().data(light));
   CHECK((said.first == ExitCode::ok && has(said.second, "2 records, spd in 2\n")));
 
-  says(header(is_t2, 1e-12, 0).whole("Measurement_Mode", 3).end().data(light), ExitCode::failed,
+  says(plain().whole("Measurement_Mode", 3).end().data(light), ExitCode::failed,
        "Measurement_Mode is T3, but TTResultFormat_TTTRRecType is T2");
   says(header(is_t3, 1e-4, 1e-12).whole("Measurement_Mode", 2).end().data(light), ExitCode::failed,
        "Measurement_Mode is T2");
   // The duration of the dark period is determined by counting overflow records.
   const auto dark = words(3'000'000'000'000, special, 0);
-  const auto ended =
-      import(header(is_t2, 1e-12, 0).whole("TTResult_StopAfter", 3000).end().data(dark));
+  const auto ended = import(plain().whole("TTResult_StopAfter", 3000).end().data(dark));
   CHECK((has(ended.second, "6 records, spd in 2\n") && !has(ended.second, "duration")));
-  says(header(is_t2, 1e-12, 0).whole("TTResult_StopAfter", 5000).end().data(dark), ExitCode::ok,
+  says(plain().whole("TTResult_StopAfter", 5000).end().data(dark), ExitCode::ok,
        "spd: duration: 5 s in the header, 3 s in the records\n");
   // The inserted overflow record spans 1126 s.
   auto jumps = light;
   jumps.insert(jumps.begin() + std::ssize(jumps) * 3 / 4, special | t2(63, 0x1ffffff));
-  says(header(is_t2, 1e-12, 0).whole("MeasDesc_AcquisitionTime", 1000).end().data(jumps),
-       ExitCode::ok, "2 records, spd in 1\n");
-  says(header(is_t2, 1e-12, 0).whole("MeasDesc_AcquisitionTime", 1000).end().data(jumps),
-       ExitCode::ok, "spd: duration: 1 s in the header, 1126.9 s in the records: records after");
+  says(plain().whole("MeasDesc_AcquisitionTime", 1000).end().data(jumps), ExitCode::ok,
+       "2 records, spd in 1\n");
+  says(plain().whole("MeasDesc_AcquisitionTime", 1000).end().data(jumps), ExitCode::ok,
+       "spd: duration: 1 s in the header, 1126.9 s in the records: records after");
   jumps.assign({special, 5000, special | t2(63, 0x1ffffff), special, 5000});
-  says(header(is_t2, 1e-12, 0).end().data(jumps), ExitCode::failed,
+  says(plain().end().data(jumps), ExitCode::failed,
        "its times reach 1126 s, which gives more slots than the file has bytes");
 
-  says(header(is_t2, 1e-12, 0).end().data(words(0, t2(0, 0), t2(1, 0))), ExitCode::failed,
+  says(plain().end().data(words(0, t2(0, 0), t2(1, 0))), ExitCode::failed,
        "no events on the input selected by --start 0; inputs with events: 1, 2; did you mean "
-       "--start 1 "
-       "--click 2?");
-  says(header(is_t2, 1e-12, 0).end().data(words(0, special, t2(2, 0))), ExitCode::failed,
+       "--start 1 --click 2?");
+  says(plain().end().data(words(0, special, t2(2, 0))), ExitCode::failed,
        "no events on the input selected by --click 1; inputs with events: 0, 3; did you mean "
-       "--start 0 "
-       "--click 3?");
+       "--start 0 --click 3?");
   // The recording contains events only in its first 0.05 s, which is a tenth of a slot.
   std::vector<std::uint32_t> begun(light.begin(), light.begin() + std::ssize(light) / 20);
   begun.push_back(special | t2(63, 100'000));
-  says(header(is_t2, 1e-12, 0).end().data(begun), ExitCode::failed, "nothing to import: ");
-  says(header(is_t2, 1e-12, 0).end(), ExitCode::failed,
+  says(plain().end().data(begun), ExitCode::failed, "nothing to import: ");
+  says(plain().end(), ExitCode::failed,
        "no events on the input selected by --start 0; events by input: none");
-  says(header(is_t2, 1e-12, 0).end().data(light).data(std::vector<std::uint8_t>{1, 2, 3}),
+  says(plain().end().data(light).data(std::vector<std::uint8_t>{1, 2, 3}),
        ExitCode::ok, "the last record is truncated");
   std::vector<std::uint8_t> saved_as_text;
   for (const std::uint8_t b : as_bytes(light)) {
     if (b == '\n') saved_as_text.push_back('\r');
     saved_as_text.push_back(b);
   }
-  says(header(is_t2, 1e-12, 0).end().data(saved_as_text), ExitCode::failed,
+  says(plain().end().data(saved_as_text), ExitCode::failed,
        "line ends were converted because the file was saved as text");
   says(header(is_t2, 250e-12, 0).end().data(light), ExitCode::ok,
        "tag times are multiples of 250 ps, so bins of 100 ps have uneven widths; use --set "
@@ -275,29 +272,28 @@ TEST_CASE("import checks the header of a .ptu file against its records") {
                   .second,
               "TTResult_SyncRate") == (rate_hz == 1e6));
 
-  says(header(is_t2, 1e-12, 0).real("TTResult_SyncRate", 80e6).end().data(light), ExitCode::ok,
+  says(plain().real("TTResult_SyncRate", 80e6).end().data(light), ExitCode::ok,
        "pulse rate: TTResult_SyncRate is 8e+07 Hz, but the pulse rate in the records is 1000 Hz");
-  CHECK_FALSE(
-      has(import(header(is_t2, 1e-12, 0).real("TTResult_SyncRate", 1e3).end().data(light)).second,
-          "TTResult_SyncRate"));
+  CHECK_FALSE(has(import(plain().real("TTResult_SyncRate", 1e3).end().data(light)).second,
+                  "TTResult_SyncRate"));
   says(header(is_t3, 1e-6, 25e-9).end().data(pulses), ExitCode::failed,
        "1000 clicks have times beyond the sync period of 1e-06 s; check MeasDesc_Resolution");
   auto swapped = light;
   for (std::size_t i = 1; i < swapped.size(); ++i)
     if (swapped[i] >> 25 == 0 && swapped[i - 1] >> 25 == special >> 25)
       std::swap(swapped[i - 1], swapped[i]), ++i;
-  says(header(is_t2, 1e-12, 0).end().data(swapped), ExitCode::ok,
+  says(plain().end().data(swapped), ExitCode::ok,
        "spd: 1000 events out of order by up to 1 us; the events were sorted");
 
   // If only one of two recordings is invalid, the run is still written and the exit code is
   // `partial`.
   write_file(folder / "a.dat", "nothing");
-  const auto both = import(header(is_t2, 1e-12, 0).end().data(light), folder / "a.dat");
+  const auto both = import(plain().end().data(light), folder / "a.dat");
   CAPTURE(both.second);
   CHECK((both.first == ExitCode::partial && has(both.second, "spd in 2") &&
          has(both.second, "a.dat: nothing to import")));
-  header(is_t2, 1e-12, 0).end().data(light).write(folder / "second.ptu");
-  const auto two = import(header(is_t2, 1e-12, 0).end().data(light), folder / "second.ptu");
+  plain().end().data(light).write(folder / "second.ptu");
+  const auto two = import(plain().end().data(light), folder / "second.ptu");
   CHECK(two == std::pair{ExitCode::usage,
                          std::string("two time tagger recordings; expected one per sensor")});
 }
@@ -350,13 +346,12 @@ TEST_CASE("import refuses an invalid recording with a one-line message") {
   write_file(folder / "a.ttbin", "");
   config_of(folder);
   const auto refuses = [&](const std::string& file, int code, const std::string& saying) {
-    const echofuse::test::Outcome o =
-        echofuse::test::acquire("import --config " + folder / "lab.toml" + " --out " +
-                                folder / "run" + " " + folder / file);
+    const Outcome o = echofuse::test::acquire("import --config " + folder / "lab.toml" + " --out " +
+                                              folder / "run" + " " + folder / file);
     CAPTURE(o.text);
     CHECK(o.code == code);
     CHECK(has(o.text, saying));
-    CHECK_FALSE(echofuse::test::fs::exists(folder / "run.sqlite"));
+    CHECK_FALSE(fs::exists(folder / "run.sqlite"));
   };
   refuses("a.ptu", 1, "does not begin with PQTTTR");
   refuses("b.ptu", 1, "the header is not terminated");
@@ -367,7 +362,7 @@ TEST_CASE("import refuses an invalid recording with a one-line message") {
   refuses("a.ttbin", 2, "only the Time Tagger library can read .ttbin");
   refuses("lab.toml", 2, "expected NAME.dat (radar), NAME.ptu or one folder");
   refuses("nowhere", 2, "nowhere: no such file or folder");
-  echofuse::test::fs::create_directory(folder / "kept");
+  fs::create_directory(folder / "kept");
   refuses("kept", 1, "kept: contains neither run.toml (arrays) nor run.times (raw capture)");
   refuses("kept --cfg " + folder / "radar.cfg", 2, "--cfg cannot be used with a folder");
   write_file(folder / "kept/run.times", "");

@@ -70,7 +70,7 @@ RadarImport import_radar(const Bytes& bytes, const std::string& cfg = paper_cfg)
         config_of(folder), {.files = {folder / "a.dat"}, .cfg = cfg, .out = folder / "a.sqlite"});
   } catch (const Error& e) {
     CHECK(e.code() == ExitCode::failed);
-    CHECK_FALSE(echofuse::test::fs::exists(folder / "a.sqlite"));
+    CHECK_FALSE(fs::exists(folder / "a.sqlite"));
     return {{}, e.what()};
   }
   out.said += warnings_of(folder / "a.sqlite");
@@ -201,19 +201,11 @@ TEST_CASE("damaged frame numbers and clock readings do not change the times of o
   const std::uint32_t every = seed % 4 == 0 ? 3 : 4 + random() % 20;
   for (std::size_t i = random() % every; i < frames.size(); i += every) {
     damaged[i] = true;
-    switch (seed / 4 % 4) {
-      case 0:
-        frames[i].position ^= bit(0);
-        break;
-      case 1:
-        frames[i].cycles ^= bit(24);
-        break;
-      case 2:
-        frames[i].cycles += 2'147'483'648u;
-        break;  // alike in all frames
-      default:
-        (random() % 2 ? frames[i].position : frames[i].cycles) = random();
-    }
+    const unsigned way = seed / 4 % 4;
+    if (way == 0) frames[i].position ^= bit(0);
+    if (way == 1) frames[i].cycles ^= bit(24);
+    if (way == 2) frames[i].cycles += 2'147'483'648u;  // alike in all frames
+    if (way == 3) (random() % 2 ? frames[i].position : frames[i].cycles) = random();
   }
   const acquire::FrameTimes fit = acquire::fit_times(frames, subframes, period_s);
   CHECK(std::abs(fit.period_s - period_s) < 1e-6);

@@ -25,6 +25,18 @@ std::unique_ptr<record::RunWriter> open_run(const std::string& path,
 
 port::SystemLoop loop;  // provides the clock and the worker threads
 
+// Waits until all queued jobs are done.
+void wait_for_jobs(Journal& journal) {
+  std::promise<void> done;
+  journal.put([&](record::RunWriter&) { done.set_value(); });
+  done.get_future().wait();
+}
+
+void wait_for_lock(const Journal& journal) {
+  while (journal.delay_cause() != "another program is writing to the run file")
+    std::this_thread::yield();
+}
+
 // Keeps a write transaction open, as another program writing to the run file would.
 class Holder {
  public:
@@ -51,9 +63,8 @@ class Holder {
 // run file.
 void ends_in_time(Journal& journal) {
   const auto start = std::chrono::steady_clock::now();
-  const auto [code, text] = error_of([&] { journal.finish("complete"); });
-  CHECK(code == ExitCode::disk);
-  CHECK(has(text, "another program holds a write transaction"));
+  check_error(ExitCode::disk, "another program holds a write transaction",
+              [&] { journal.finish("complete"); });
   CHECK(std::chrono::steady_clock::now() - start < std::chrono::seconds(10));
 }
 
@@ -112,13 +123,10 @@ TEST_CASE(
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   Journal journal(open_run(path), loop, 2);
-  std::promise<void> written;
-  journal.put([&](record::RunWriter&) { written.set_value(); });
-  written.get_future().wait();
+  wait_for_jobs(journal);
   Holder holder(path);
   CHECK(journal.put(small_record(0)));
-  while (journal.delay_cause() != "another program is writing to the run file")
-    std::this_thread::yield();
+  wait_for_lock(journal);
   for (std::int64_t i = 1; i < 5; ++i) CHECK(journal.put(small_record(i)) == (i < 3));
   SECTION("queued records are written if the lock of the run file is released in time") {
     holder.let_go();
@@ -172,9 +180,7 @@ TEST_CASE("closing a run waits at most two seconds if another program locks the 
   const Folder folder;
   Journal journal(open_run(folder / "a.sqlite"), loop);
   rotate(journal, folder / "b.sqlite");
-  std::promise<void> begun;
-  journal.put([&](record::RunWriter&) { begun.set_value(); });
-  begun.get_future().wait();
+  wait_for_jobs(journal);
   const Holder holder(folder / "b.sqlite");
   journal.put(small_record(1));
   ends_in_time(journal);
@@ -185,9 +191,7 @@ TEST_CASE(
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   Journal journal(open_run(path), loop);
-  std::promise<void> written;
-  journal.put([&](record::RunWriter&) { written.set_value(); });
-  written.get_future().wait();
+  wait_for_jobs(journal);
   Holder holder(path);
   rotate(journal, folder / "b.sqlite");
   while (!fs::exists(folder / "b.sqlite")) std::this_thread::yield();
@@ -202,8 +206,7 @@ TEST_CASE(
     CHECK(has(events[0].text, "another program holds a write transaction"));
   }
   SECTION("a label set while the previous file is being closed applies to the next file") {
-    while (journal.delay_cause() != "another program is writing to the run file")
-      std::this_thread::yield();
+    wait_for_lock(journal);
     holder.ask("INSERT INTO event (level, utc, text) VALUES ('label', '2026', 'door')");
     journal.put(small_record(1));
     // Writing to the new file does not wait until the old file is closed.
@@ -241,7 +244,7 @@ TEST_CASE("a run keeps all its records if the next file of the rotation cannot b
   SECTION("the run stops with a disk error if the disk is full") {
     {
       // An empty run needs 12 pages of 4 KiB, which do not fit on this disk.
-      const echofuse::test::FullDisk disk(40'000);
+      const FullDisk disk(40'000);
       rotate(journal, next);
       while (!journal.failed()) std::this_thread::yield();
     }

@@ -87,15 +87,8 @@ struct Laboratory {
   std::uint32_t number = 0;
 
   void run() {
-    windows.announce(
-        {Sensor::radar, "", "", "", "", {{"radar", "power_with_noise", "m", 1, 0, 0.5, 1}}});
-    windows.announce(
-        {Sensor::depth,
-         "",
-         "",
-         "",
-         "",
-         {{"depth_x", "tangent", "1", 2, 0, 1, 1}, {"depth_y", "tangent", "1", 1, 0, 1, 1}}});
+    windows.announce(radar_of());
+    windows.announce(camera_of(2, 1));
     HostTime tick = grid.first;
     std::array<std::uint32_t, 3> lost_before{};
     while (!scheduler.done()) {
@@ -252,7 +245,9 @@ TEST_CASE("each tag is counted exactly once despite damaged time stamps and stal
     sent += tags.size();
     for (const DueSlot& due : scheduler.tick(now)) {
       const record::FusedRecord r = windows.close(due);
-      counted += r.spd_counts.tags;
+      const TagCounts& c = r.spd_counts;
+      REQUIRE(c.starts + c.in_range + c.out_of_range + c.without_start + c.other == c.tags);
+      counted += c.tags;
       stalled += due.stalled;
       REQUIRE(r.index == closed++);
       REQUIRE(std::abs(r.sync[Sensor::spd].offset_s) <= 0.05);
@@ -260,12 +255,17 @@ TEST_CASE("each tag is counted exactly once despite damaged time stamps and stal
         REQUIRE(std::accumulate(counts(r).begin(), counts(r).end(), 0u) == r.spd_counts.in_range);
     }
   }
+  std::uint64_t late = 0;
+  for (const auto& [slot, number] : windows.take_late()) late += number[Sensor::spd];
   windows.finish();
   CHECK(clocks[Sensor::spd].state(now));
   CHECK(counted > sent / 2);
   CHECK(stalled > 10);
-  CHECK(windows.unassigned().late[Sensor::spd] > 0);
   const UnassignedSamples& unassigned = windows.unassigned();
+  CHECK(late > 0);
+  CHECK(late == unassigned.late[Sensor::spd]);
+  CHECK(unassigned.early[Sensor::spd] > 0);
+  CHECK(unassigned.outside[Sensor::spd] > 0);
   CHECK(counted + unassigned.early[Sensor::spd] + unassigned.late[Sensor::spd] +
             unassigned.outside[Sensor::spd] ==
         sent);

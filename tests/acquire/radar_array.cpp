@@ -131,22 +131,6 @@ TEST_CASE("a packed antenna array is accurate to 4e-5 of the power in its bin") 
   CHECK(unpack_array(bad, 3, 8, back) == "bin 0: the power is negative or not finite");
 }
 
-TEST_CASE("a run file stores the antenna positions and, for each record, the antenna array") {
-  const Folder dir;
-  const FusedRecord wrote = write_antennas(dir / "run");
-  const RunReader run(dir / "run");
-  const FusedRecord r = run.read(0);
-  CHECK(r.array_frames == 5);
-  const auto &found = antenna_data(r), &expected = antenna_data(wrote);
-  REQUIRE(found.size() == expected.size());
-  CHECK(std::abs(found[16] - expected[16]) < 1e-4f * bin_of(expected, 8, 0).power());
-  CHECK(antenna_data(run.read(1)).empty());
-  const Antennas antennas = run.antennas();
-  REQUIRE(antennas.size() == 8);
-  CHECK(antennas[7].x == 7);
-  CHECK(antennas[3].phase_rad == 0.5);
-}
-
 TEST_CASE("a run without antenna arrays is readable, and an invalid array gives a one-line error") {
   const Folder dir;
   const std::string path = dir / "run";

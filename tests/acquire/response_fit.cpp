@@ -53,46 +53,33 @@ struct NamedWindow {
   std::function<double(double)> at;
   double cubic_rad = 0;  // phase error at the end of the sweep
 };
-double cosines(double t, std::initializer_list<double> terms) {
-  double sum = 0, k = 0;
-  for (const double term : terms) sum += term * std::cos(2 * pi * k++ * t);
-  return sum;
+// Returns a sum of cosines.
+std::function<double(double)> cosines(const std::vector<double>& terms) {
+  return [terms](double t) {
+    double sum = 0, k = 0;
+    for (const double term : terms) sum += term * std::cos(2 * pi * k++ * t);
+    return sum;
+  };
 }
-NamedWindow kaiser(const char* name, double b) {
-  return {name, [b](double t) {
-            return std::cyl_bessel_i(0, b * std::sqrt(std::max(0., 1 - 4 * t * t)));
-          }};
+std::function<double(double)> kaiser(double b) {
+  return [b](double t) { return std::cyl_bessel_i(0, b * std::sqrt(std::max(0., 1 - 4 * t * t))); };
+}
+double tukey(double t) {
+  return std::abs(t) < .25 ? 1 : .5 + .5 * std::cos(4 * pi * (std::abs(t) - .25));
 }
 const NamedWindow windows[] = {
-    {"none", [](double) { return 1; }},
-    {"Hann",
-     [](double t) {
-       return cosines(t, {1, 1});
-     }},
-    {"Blackman",
-     [](double t) {
-       return cosines(t, {.42, .5, .08});
-     }},
-    kaiser("Kaiser 2.5", 2.5),
-    kaiser("Kaiser 6", 6),
-    kaiser("Kaiser 12", 12),
-    {"Taylor, 35 dB",  // Taylor window with 5 nearly equal sidelobes
-     [](double t) {
-       return cosines(t, {1, .6887, -.03039, .008557, -.001469});
-     }},
-    {"Tukey",
-     [](double t) {
-       return std::abs(t) < .25 ? 1 : .5 + .5 * std::cos(4 * pi * (std::abs(t) - .25));
-     }},
+    {"none", cosines({1})},
+    {"Hann", cosines({1, 1})},
+    {"Blackman", cosines({.42, .5, .08})},
+    {"Kaiser 2.5", kaiser(2.5)},
+    {"Kaiser 6", kaiser(6)},
+    {"Kaiser 12", kaiser(12)},
+    // Taylor window with 5 nearly equal sidelobes
+    {"Taylor, 35 dB", cosines({1, .6887, -.03039, .008557, -.001469})},
+    {"Tukey", tukey},
     {"Gauss", [](double t) { return std::exp(-t * t / .08); }},
-    {"Blackman-Harris",
-     [](double t) {
-       return cosines(t, {.35875, .48829, .14128, .01168});
-     }},
-    {"flat top",
-     [](double t) {
-       return cosines(t, {.21557895, .41663158, .277263158, .083578947, .006947368});
-     }},
+    {"Blackman-Harris", cosines({.35875, .48829, .14128, .01168})},
+    {"flat top", cosines({.21557895, .41663158, .277263158, .083578947, .006947368})},
 };
 
 // Computes the range response directly, as a sum over the samples of the sweep.

@@ -171,33 +171,28 @@ TEST_CASE("a run ended by a full disk keeps its committed records and stores the
 TEST_CASE("invalid run files and output files are refused, and the reason is reported") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
-  const auto refusal = [&] { return error_of([&] { RunReader run(path); }); };
-  SECTION("a missing run file is refused") {
-    CHECK(refusal().first == ExitCode::failed);
-    CHECK(has(refusal().second, path + ": No such file"));
-  }
+  const auto refuses = [&](const std::string& words) {
+    check_error(ExitCode::failed, words, [&] { RunReader run(path); });
+  };
+  SECTION("a missing run file is refused") { refuses(path + ": No such file"); }
   SECTION("a file that is not a database is refused") {
     write_file(path, "hello, world\n");
-    CHECK(has(refusal().second, path + ": not an echofuse run file"));
+    refuses(path + ": not an echofuse run file");
   }
   SECTION("an empty run file is refused") {
     write_file(path, "");
-    CHECK(has(refusal().second,
-              "is empty: the recording process was killed before the first record, or"));
+    refuses("is empty: the recording process was killed before the first record, or");
   }
   SECTION("the database of another program is refused") {
     damage(path, "table of another program");
-    CHECK(has(refusal().second, "not an echofuse run file"));
+    refuses("not an echofuse run file");
   }
-  SECTION("a file with a newer run format is refused") {
+  SECTION("a file with another run format is refused") {
+    const auto [format, advice] = GENERATE(table<const char*, const char*>(
+        {{"5", "use a newer echofuse"}, {"2", "use the echofuse that recorded it"}}));
     a_small_run(1).write(path);
-    damage(path, "run format 5");
-    CHECK(has(refusal().second, "run format 5, expected 4; use a newer echofuse"));
-  }
-  SECTION("a file with an older run format is refused") {
-    a_small_run(1).write(path);
-    damage(path, "run format 2");
-    CHECK(has(refusal().second, "run format 2, expected 4; use the echofuse that recorded it"));
+    damage(path, std::string("run format ") + format);
+    refuses(std::string("run format ") + format + ", expected 4; " + advice);
   }
   SECTION("a file with a missing table, an extra column or another column type is refused") {
     a_small_run(1).write(path);
@@ -210,35 +205,28 @@ TEST_CASE("invalid run files and output files are refused, and the reason is rep
   }
   SECTION("an existing file is not overwritten") {
     write_file(path, "precious");
-    const auto [code, text] = error_of([&] { a_small_run().write(path); });
-    CHECK(code == ExitCode::failed);
-    CHECK(has(text, "exists already"));
+    check_error(ExitCode::failed, "exists already", [&] { a_small_run().write(path); });
     CHECK(fs::file_size(path) == 8);
   }
   SECTION("a file that another program creates at the same time is not overwritten") {
     a_small_run(3).write(folder / "b.sqlite");
-    const auto [code, text] = error_of([&] {
+    check_error(ExitCode::failed, "exists already", [&] {
       const auto copy = [&](RunWriter&) { fs::copy_file(folder / "b.sqlite", path); };
       RunWriter run(path, {}, system_clock, copy);
     });
-    CHECK(code == ExitCode::failed);
-    CHECK(has(text, "exists already"));
     CHECK(contents(path) == contents(folder / "b.sqlite"));
     CHECK_FALSE(fs::exists(path + "-new"));
   }
   SECTION("a run that fails to start leaves no file") {
-    const auto [code, text] = error_of([&] {
+    check_error(ExitCode::failed, path, [&] {
       RunWriter run(path, {}, system_clock,
                     [&](RunWriter&) { fs::create_directory(path + "-shm"); });
     });
-    CHECK(code == ExitCode::failed);
-    CHECK(has(text, path));
     CHECK_FALSE(fs::exists(path));
   }
   SECTION("a run in a missing folder is refused") {
-    const auto [code, text] = error_of([&] { a_small_run().write(folder / "no/a.sqlite"); });
-    CHECK(code == ExitCode::disk);
-    CHECK(has(text, "no/a.sqlite"));
+    check_error(ExitCode::disk, "no/a.sqlite",
+                [&] { a_small_run().write(folder / "no/a.sqlite"); });
   }
 }
 
@@ -246,26 +234,17 @@ TEST_CASE("an invalid record is refused, and the error contains the record numbe
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   a_small_run(4).write(path);
-  std::string expected;
-  SECTION("a radar bin with the value NaN is refused") {
-    damage(path, "radar bin 2 is NaN in record ?1", {2});
-    expected = "record 2: radar bin 2 is not a finite number";
-  }
-  SECTION("a histogram with missing bytes is refused") {
-    damage(path, "histogram of two bytes in record ?1", {2});
-    expected = "record 2: spd has 2 bytes, but its axis requires 32";
-  }
-  SECTION("a damaged depth image is refused") {
-    damage(path, "depth image is not deflated in record ?1", {2});
-    expected = "record 2: depth is not a deflated image of 3 x 2";
-  }
-  SECTION("a negative frame number of the last depth frame is refused") {
-    damage(path, "number of the last depth frame is ?2 in record ?1", {2, -1});
-    expected = "record 2: depth_last is -1";
-  }
+  const auto [change, values, expected] = GENERATE(table<const char*, std::vector<Value>,
+                                                         const char*>(
+      {{"radar bin 2 is NaN in record ?1", {2}, "radar bin 2 is not a finite number"},
+       {"histogram of two bytes in record ?1", {2}, "spd has 2 bytes, but its axis requires 32"},
+       {"depth image is not deflated in record ?1", {2}, "depth is not a deflated image of 3 x 2"},
+       {"number of the last depth frame is ?2 in record ?1", {2, -1}, "depth_last is -1"}}));
+  damage(path, change, values);
   const RunReader run(path);
   const auto visit_all = [](const FusedRecord&) { return true; };
-  CHECK(has(error_of([&] { run.for_each(visit_all); }).second, expected));
+  CHECK(
+      has(error_of([&] { run.for_each(visit_all); }).second, std::string("record 2: ") + expected));
   const RunReader::InParallel backwards = [](std::size_t count, const auto& work) {
     while (count-- > 0) work(count);
   };

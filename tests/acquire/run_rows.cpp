@@ -244,10 +244,9 @@ TEST_CASE("the metadata of a run are read back as written") {
 }
 
 TEST_CASE("the Python package contains the SQL definitions of the tables") {
-  std::ifstream file(source_dir + "/recon/python/echofuse/runs/schema.sql");
   std::string expected;
   for (const auto& [name, sql] : table_definitions()) expected += sql + "\n";
-  CHECK(std::string{std::istreambuf_iterator<char>(file), {}} == expected);
+  CHECK(contents(source_dir + "/recon/python/echofuse/runs/schema.sql") == expected);
 }
 
 TEST_CASE("a verdict with an unknown word keeps its word and figures") {

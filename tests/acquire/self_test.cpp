@@ -15,7 +15,7 @@ namespace {
 constexpr double time_s = Capture::slot_s;
 
 Config lab() {
-  return load_config(echofuse::test::source_dir + "/config/lab.toml",
+  return load_config(source_dir + "/config/lab.toml",
                      {"depth.fps=10", "radar.cfg=radar/xwr68xx_paper_50cm.cfg"});
 }
 
@@ -80,10 +80,8 @@ DepthFrame depth_frame(std::uint16_t z) {
 }
 
 Capture depth_capture(const Config& config, int frames, DepthFrame frame) {
-  const std::vector<Axis> axes{{"depth_x", "tangent", "1", frame.width},
-                               {"depth_y", "tangent", "1", frame.height}};
   frame.received = doctor_middle;
-  return captured(config, device_of(Sensor::depth, axes), [&](Capture& capture) {
+  return captured(config, camera_of(frame.width, frame.height), [&](Capture& capture) {
     for (int k = 0; k < frames; ++k) ++frame.frame_number, capture.on_depth(frame);
   });
 }

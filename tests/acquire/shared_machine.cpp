@@ -22,9 +22,8 @@ const std::string tdc = "[tdc]\naddress = \"bridge:tcp://127.0.0.1:9\"\n";
 // Runs a command as a user with `folder` as the home folder and no other configuration.
 Outcome at_home(const Folder& folder, const std::string& environment,
                 const std::string& arguments) {
-  return shell("cd " + folder / "" +
-               " && env -u ECHOFUSE_CONFIG -u XDG_CONFIG_HOME HOME=" + folder / "" + " " +
-               environment + " " + echofuse::test::bin_dir + "/echofuse-acquire " + arguments);
+  return shell("cd " + folder / "" + " && env -u ECHOFUSE_CONFIG -u XDG_CONFIG_HOME HOME=" +
+               folder / "" + " " + environment + " " + bin_dir + "/echofuse-acquire " + arguments);
 }
 
 unsigned mode_of(const std::string& path) {
@@ -136,7 +135,7 @@ TEST_CASE("the list command shows notes that were added during and after a run")
   CHECK(text.text.find("monday") < text.text.find("tuesday"));
   CHECK(has(text.text, "not listed: " + folder / "other.sqlite: not an echofuse run file"));
   CHECK_FALSE(has(text.text, "text.txt"));
-  const std::string program = echofuse::test::bin_dir + "/echofuse-acquire";
+  const std::string program = bin_dir + "/echofuse-acquire";
   const Json all = Json::parse(
       shell("(" + program + " list --json " + folder / "" + " 2>/dev/null)").text)["runs"];
   REQUIRE(all.size() == 2);

@@ -18,30 +18,10 @@ using Catch::StartsWith;
 namespace {
 
 std::vector<Axis> axes() {
-  return {{.name = "spd",
-           .quantity = "counts",
-           .unit = "ps",
-           .count = 336,
-           .start = 13343,
-           .step = 100},
-          {.name = "radar",
-           .quantity = "power_with_noise",
-           .unit = "m",
-           .count = 64,
-           .start = 0,
-           .step = 0.25},
-          {.name = "depth_x",
-           .quantity = "tangent",
-           .unit = "1",
-           .count = 40,
-           .start = -0.5,
-           .step = 0.025},
-          {.name = "depth_y",
-           .quantity = "tangent",
-           .unit = "1",
-           .count = 30,
-           .start = -0.4,
-           .step = 0.025}};
+  return {{"spd", "counts", "ps", 336, 13343, 100},
+          {"radar", "power_with_noise", "m", 64, 0, 0.25},
+          {"depth_x", "tangent", "1", 40, -0.5, 0.025},
+          {"depth_y", "tangent", "1", 30, -0.4, 0.025}};
 }
 
 // Simulates records of an object 3.5 m in front of all three sensors. The simulated noise consists
@@ -345,13 +325,7 @@ TEST_CASE("depths beyond the range of the depth map do not count as returns") {
 
 TEST_CASE("radar leakage at up to 0.5 m does not count as an echo") {
   SignalCheck check({}, 3);
-  const std::vector<Axis> fine = {{.name = "radar",
-                                   .quantity = "power",
-                                   .unit = "m",
-                                   .count = 128,
-                                   .start = 0,
-                                   .step = 0.044,
-                                   .scale = 1}};
+  const std::vector<Axis> fine{{"radar", "power", "m", 128, 0, 0.044, 1}};
   record::FusedRecord r;
   r.valid = {Sensor::radar};
   r.sync[Sensor::radar].verdict = test::verdict_of("ok");

@@ -24,10 +24,8 @@ const SensorClocks no_clocks;
 constexpr std::size_t sent_bins = 40, kept_bins = 32, antennas = 8;
 
 DeviceInfo radar_info() {
-  DeviceInfo info;
-  info.sensor = Sensor::radar;
-  info.axes = {{"radar", "power_with_noise", "m", sent_bins, 0, 0.25, 1},
-               {"array", "covariance", "m", sent_bins, 0, 0.25, antennas}};
+  DeviceInfo info = radar_of(sent_bins, 0.25);
+  info.axes.push_back({"array", "covariance", "m", sent_bins, 0, 0.25, antennas});
   return info;
 }
 
@@ -119,9 +117,7 @@ TEST_CASE("a record without usable frames or heat maps contains no antenna sampl
   CHECK(antenna_data(r).empty());
   CHECK(r.array_frames == 0);
   Windows old(grid, {}, no_clocks, {Sensor::radar});
-  DeviceInfo info = radar_info();
-  info.axes.pop_back();
-  old.announce(info);
+  old.announce(radar_of(sent_bins, 0.25));
   old.add(frame_of(1));
   CHECK(antenna_data(old.close({0, false})).empty());
 }
@@ -152,8 +148,7 @@ TEST_CASE("the doctor command counts radar heat maps and reports missing ones") 
   Config config;
   config.radar.cli = "serial:/a";
   config.radar.cfg_name = "azimuth.cfg";
-  config.radar.cfg_text =
-      read_config_text(echofuse::test::source_dir + "/config/radar/xwr68xx_azimuth_50cm.cfg");
+  config.radar.cfg_text = read_config_text(source_dir + "/config/radar/xwr68xx_azimuth_50cm.cfg");
   const radar::RadarProfile profile = parse_profile(config.radar);
   const DeviceInfo device =
       device_of(Sensor::radar, {radar::radar_axis(profile), radar::array_axis(profile)});

@@ -37,20 +37,6 @@ void write(const std::string& path) {
       .write(path);
 }
 
-struct Database {
-  explicit Database(const std::string& p) : path(p) {
-    REQUIRE(sqlite3_open(path.c_str(), &db) == SQLITE_OK);
-  }
-  ~Database() { sqlite3_close(db); }
-  Database(const Database&) = delete;
-  Database& operator=(const Database&) = delete;
-  std::string first(const char* sql) { return first_row(Statement(db, path, sql)); }
-  static std::string first_row(Statement&& s) { return s.step() ? s.text() : "nothing"; }
-
-  std::string path;
-  sqlite3* db = nullptr;
-};
-
 }  // namespace
 
 TEST_CASE(
@@ -58,17 +44,13 @@ TEST_CASE(
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   write(path);
-  Database db(path);
-  CHECK(db.first("SELECT group_concat(idx || ' ' || missing, ';') FROM record WHERE missing") ==
-        "1 5");
-  CHECK(db.first("SELECT group_concat(idx, ' ') FROM record WHERE spd_clock_samples") == "1 2");
-  CHECK(db.first("SELECT spd_clock_offset_s || ' ' || spd_clock_drift_ppm || ' ' || "
-                 "spd_clock_residual_s || "
-                 "' ' || spd_clock_samples FROM record WHERE idx = 2") == "1.5 -3.0 0.0001 102");
-  CHECK(db.first(
-            "SELECT radar_clock_offset_s IS NULL AND depth_clock_samples IS NULL FROM record WHERE "
-            "idx = 2") == "1");
-
+  CHECK(sql(path, "SELECT idx || ' ' || missing FROM record WHERE missing") == "1 5\n");
+  CHECK(sql(path, "SELECT idx FROM record WHERE spd_clock_samples") == "1\n2\n");
+  CHECK(sql(path,
+            "SELECT spd_clock_offset_s || ' ' || spd_clock_drift_ppm || ' ' || "
+            "spd_clock_residual_s || ' ' || spd_clock_samples || ' ' || "
+            "(radar_clock_offset_s IS NULL) || (depth_clock_samples IS NULL) "
+            "FROM record WHERE idx = 2") == "1.5 -3.0 0.0001 102 11\n");
   const Json info = Json::parse(acquire("info --json " + path).text);
   CHECK(info["incomplete"] == 1);
   CHECK(info["policy"] == Json{{"spd", "required"}, {"depth", "optional"}});

@@ -102,15 +102,8 @@ struct Device {
 class Bench {
  public:
   Bench() {
-    windows.announce(
-        {Sensor::radar, "", "", "", "", {{"radar", "power_with_noise", "m", 1, 0, 0.5, 1}}});
-    windows.announce(
-        {Sensor::depth,
-         "",
-         "",
-         "",
-         "",
-         {{"depth_x", "tangent", "1", 1, 0, 1, 1}, {"depth_y", "tangent", "1", 1, 0, 1, 1}}});
+    windows.announce(radar_of());
+    windows.announce(camera_of(1, 1));
     for (double t = 79; t < 99; t += 0.05) {
       const Tag tag{.channel = 1, .time_ps = static_cast<std::int64_t>(tagger.at(t))};
       clocks.observe(TagBlock{.received = host(t), .tags = {&tag, 1}});

@@ -10,11 +10,11 @@
 
 #include "../catch.hpp"
 #include "../fixtures/damage.hpp"
+#include "../fixtures/error.hpp"
 #include "../fixtures/folder.hpp"
 #include "../fixtures/run.hpp"
 #include "../fixtures/shell.hpp"
 #include "acquire/record/run_reader.hpp"
-#include "drivers/util/exit_code.hpp"
 
 namespace echofuse::test {
 
@@ -26,18 +26,6 @@ inline void write_file(const std::string& path, const std::string& text) {
 
 inline Outcome acquire(const std::string& arguments) {
   return shell(bin_dir + "/echofuse-acquire " + arguments);
-}
-
-// Returns the exit code and the message of the Error thrown by `body`. Returns ok if `body` does
-// not throw an Error.
-template <class Body>
-std::pair<ExitCode, std::string> error_of(Body body) {
-  try {
-    body();
-  } catch (const Error& e) {
-    return {e.code(), e.what()};
-  }
-  return {ExitCode::ok, ""};
 }
 
 // Returns the warnings in a run that do not refer to a single record, one per line.

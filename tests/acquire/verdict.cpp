@@ -2,11 +2,10 @@
 #include "acquire/measurement/verdict.hpp"
 
 #include <algorithm>
-#include <fstream>
-#include <iterator>
 #include <set>
 
 #include "../catch.hpp"
+#include "../fixtures/folder.hpp"
 #include "../fixtures/paths.hpp"
 #include "acquire/commands/commands.hpp"
 
@@ -45,11 +44,9 @@ TEST_CASE("of two verdicts the higher rank is kept, and the other one stays in t
 }
 
 TEST_CASE("the manual and the Python package contain the table of `echofuse-acquire verdicts`") {
-  const auto contents = [](const std::string& path) {
-    std::ifstream file(test::source_dir + path);
-    return std::string{std::istreambuf_iterator<char>(file), {}};
-  };
-  CHECK(contents("/acquire/RECORDS.md").find(acquire::describe_verdicts(false)) !=
+  using test::contents, test::source_dir;
+  CHECK(contents(source_dir + "/acquire/RECORDS.md").find(acquire::describe_verdicts(false)) !=
         std::string::npos);
-  CHECK(contents("/recon/python/echofuse/runs/verdicts.json") == acquire::describe_verdicts(true));
+  CHECK(contents(source_dir + "/recon/python/echofuse/runs/verdicts.json") ==
+        acquire::describe_verdicts(true));
 }

@@ -19,25 +19,10 @@ constexpr tdc::HistogramSettings tdc_settings{.bin_width_ps = 100, .first_bin_ps
 constexpr SensorSet everything = SensorSet::from_bits(7);
 const SensorClocks no_clocks;  // arrival times are used because there are no clock fits
 
-DeviceInfo radar_info(std::uint32_t bins = 4, double step_m = 0.5) {
-  DeviceInfo info;
-  info.sensor = Sensor::radar;
-  info.axes = {{"radar", "power_with_noise", "m", bins, 0, step_m, 1}};
-  return info;
-}
-
-DeviceInfo depth_info(std::uint32_t width = 2, std::uint32_t height = 1) {
-  DeviceInfo info;
-  info.sensor = Sensor::depth;
-  info.axes = {{"depth_x", "tangent", "1", width, -0.1, 0.2, 1},
-               {"depth_y", "tangent", "1", height, 0, -0.2, 1}};
-  return info;
-}
-
 Windows make_windows(SensorSet configured = everything) {
   Windows windows(grid, tdc_settings, no_clocks, configured);
-  windows.announce(radar_info());
-  windows.announce(depth_info());
+  windows.announce(radar_of(4));
+  windows.announce(camera_of(2, 1));
   return windows;
 }
 
@@ -233,7 +218,7 @@ TEST_CASE("the range profile of a record is the mean power over frames and subfr
 
 TEST_CASE("a record contains the statistics and temperature of the last radar frame in its slot") {
   Windows windows = make_windows();
-  windows.announce(radar_info());
+  windows.announce(radar_of(4));
   RadarFrame frame = radar_frame(10s, 1, {1, 2, 3, 4});
   frame.stats = RadarStats{0, 7, 0, 0, 0, 0};
   windows.add(frame);
@@ -286,10 +271,10 @@ TEST_CASE("a sensor without usable data is invalid, and the record contains the 
     radar = "no range profile";
   }
   SECTION("a radar that reconnects with a different axis is invalid") {
-    CHECK_FALSE(windows.announce(radar_info(4, 0.25)));
+    CHECK_FALSE(windows.announce(radar_of(4, 0.25)));
     windows.add(radar_frame(10s, 1, {1, 2, 3, 4}));
     radar = "other axis: differs from the one at the start of the run";
-    CHECK(windows.announce(radar_info()));
+    CHECK(windows.announce(radar_of(4)));
   }
   const auto r = windows.close({0, false});
   CHECK(r.valid == SensorSet::from_bits(0));
@@ -349,10 +334,7 @@ TEST_CASE("unconfigured sensors and stalled slots have different verdicts") {
 namespace {
 
 DeviceInfo board_info(double width_ps = 92.5) {
-  DeviceInfo info;
-  info.sensor = Sensor::spd;
-  info.axes = {{"spd", "counts", "ps", 3, 13343, width_ps, 1}};
-  return info;
+  return device_of(Sensor::spd, {{"spd", "counts", "ps", 3, 13343, width_ps, 1}});
 }
 
 // Returns a histogram with an exposure time of 200 ms.

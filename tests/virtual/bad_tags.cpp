@@ -1,12 +1,9 @@
 // SPDX-License-Identifier: MIT
 // Tests that faults in the tag stream become events and verdicts of the run, in virtual time.
 #include <functional>
-#include <memory>
 #include <random>
 
-#include "bench.hpp"
-#include "drivers/bridge/bridge_writer.hpp"
-#include "drivers/core/bytes.hpp"
+#include "bridged_device.hpp"
 
 using namespace echofuse;
 using namespace std::chrono_literals;
@@ -35,50 +32,6 @@ void ordinary(std::vector<Tag>& out, std::int64_t i, std::int64_t at) {
   if (i % 25 == 0) out.push_back(tag(2, at + click_after(i)));
 }
 
-// Simulates a tagger that sends start pulses at 4 kHz through the bridge protocol.
-class Tagger final : public port::BytePort {
- public:
-  Tagger(port::Loop& loop, Stream stream) : loop_(loop), timer_(loop), stream_(std::move(stream)) {}
-  void open(port::PortHandlers handlers) override {
-    handlers_ = std::move(handlers);
-    timer_.after(1ms, [this] {
-      began_ = loop_.now();
-      handlers_.opened();
-      send();
-    });
-  }
-  void write(ByteView) override {}
-
- private:
-  void send() {
-    put(bridge::BlockKind::hello, bridge::hello_payload({.sensor = Sensor::spd,
-                                                         .address = "",
-                                                         .model = "Tagger",
-                                                         .serial = "T1",
-                                                         .firmware = "1",
-                                                         .axes = {}}));
-    std::vector<Tag> tags;
-    const std::int64_t end = (loop_.now() - began_).count() * ns / period;
-    for (; pulse_ < end; ++pulse_) stream_.pulse(tags, pulse_, pulse_ * period);
-    for (Tag& t : tags) t.time_ps = stream_.time(t.time_ps);
-    const auto* bytes = reinterpret_cast<const std::uint8_t*>(tags.data());
-    if (!tags.empty())
-      put(bridge::BlockKind::tags, Bytes(bytes, bytes + tags.size() * sizeof(Tag)));
-    timer_.after(50ms, [this] { send(); });
-  }
-  void put(bridge::BlockKind kind, const Bytes& payload) {
-    handlers_.bytes(bridge::make_block(kind, number_++, 0, payload));
-  }
-
-  port::Loop& loop_;
-  port::Timer timer_;
-  Stream stream_;
-  port::PortHandlers handlers_;
-  HostTime began_{};
-  std::int64_t pulse_ = 0;
-  std::uint32_t number_ = 0;
-};
-
 struct Outcome {
   Strings events;
   std::vector<record::FusedRecord> records;
@@ -87,13 +40,27 @@ struct Outcome {
   }
 };
 
+// Records a run with a tagger that sends start pulses at 4 kHz through the bridge protocol.
 Outcome run_of(const Stream& stream, const std::vector<std::string>& settings = {}) {
   test::Bench b({.window_s = 1, .assignments = "[signal]\nspd_clicks = 10\n"});
   b.lab->set({"radar.cli=", "radar.data=", "depth.address=", "tdc.first_bin_ps=13343",
               "tdc.bins=336", "tdc.bin_width_ps=100"});
   for (const auto& setting : settings) b.lab->set({setting}, false);
   auto& loop = b.lab->loop;
-  loop.ports[b.lab->config().tdc.address] = [&] { return std::make_unique<Tagger>(loop, stream); };
+  HostTime began{};
+  std::int64_t pulse = 0;
+  test::BridgedDevice tagger(
+      loop, R"({"model":"Tagger","serial":"T1","firmware":"1"})", [&](test::BridgedDevice& device) {
+        if (device.number() == 1) began = loop.now() - 50ms, pulse = 0;
+        std::vector<Tag> tags;
+        const std::int64_t end = (loop.now() - began).count() * ns / period;
+        for (; pulse < end; ++pulse) stream.pulse(tags, pulse, pulse * period);
+        for (Tag& t : tags) t.time_ps = stream.time(t.time_ps);
+        const auto* bytes = reinterpret_cast<const std::uint8_t*>(tags.data());
+        if (!tags.empty())
+          device.send(sim::BlockKind::tags, Bytes(bytes, bytes + tags.size() * sizeof(Tag)));
+      });
+  loop.ports[b.lab->config().tdc.address] = tagger.listener.opener();
   REQUIRE(b.lab->record(b.run(10)) == ExitCode::ok);
   Strings events = b.events("spd");
   // Removes the events that report verdicts.

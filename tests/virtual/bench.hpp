@@ -7,9 +7,7 @@
 
 #include <algorithm>
 #include <cstdio>
-#include <fstream>
 #include <functional>
-#include <iterator>
 #include <numeric>
 #include <optional>
 #include <string>
@@ -18,8 +16,7 @@
 #include "../catch.hpp"
 #include "../fixtures/folder.hpp"
 #include "../fixtures/laboratory.hpp"
-#include "../fixtures/record.hpp"
-#include "acquire/record/run_reader.hpp"
+#include "../fixtures/run.hpp"
 #include "drivers/util/exit_code.hpp"
 
 namespace echofuse::test {
@@ -36,8 +33,7 @@ inline std::string printed_by(const std::string& path, const std::function<void(
   std::fflush(stdout);
   ::dup2(before, STDOUT_FILENO);
   ::close(before), ::close(file);
-  std::ifstream in(path);
-  return std::string(std::istreambuf_iterator<char>(in), {});
+  return contents(path);
 }
 
 struct Bench {
@@ -57,12 +53,7 @@ struct Bench {
     return options;
   }
   record::RunReader reader() const { return record::RunReader(folder / "run.sqlite"); }
-  std::vector<record::FusedRecord> records() const {
-    std::vector<record::FusedRecord> all;
-    const record::RunReader reading = reader();
-    for (std::int64_t i = 0; i < reading.count(); ++i) all.push_back(reading.read(i));
-    return all;
-  }
+  std::vector<FusedRecord> records() const { return records_of(folder / "run.sqlite"); }
   Strings verdicts(Sensor sensor) const {
     Strings all;
     for (const auto& r : records()) {

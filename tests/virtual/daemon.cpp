@@ -9,6 +9,7 @@
 #include <map>
 #include <set>
 
+#include "../fixtures/error.hpp"
 #include "acquire/import/import.hpp"
 #include "bench.hpp"
 #include "drivers/util/console.hpp"
@@ -161,42 +162,27 @@ TEST_CASE("a raw capture that has no slot, has missing bytes or has damaged time
   auto run = b.run(2);
   run.keep_raw = b.folder / "raw";
   CHECK(b.lab->record(run) == ExitCode::ok);
-  const auto refusal = [&] {
-    try {
-      acquire::import_kept(acquire::kept_config(run.keep_raw, {}), run.keep_raw,
-                           b.folder / "x.sqlite");
-    } catch (const Error& e) {
-      CHECK(e.code() == ExitCode::failed);
-      return std::string(e.what());
-    }
-    return std::string("none");
+  const auto import = [&] {
+    acquire::import_kept(acquire::kept_config(run.keep_raw, {}), run.keep_raw,
+                         b.folder / "x.sqlite");
   };
-  std::string name = "tags.times", text = "1000000000 open 0\n1000000000 bytes 99999999999\n", why;
-  SECTION("a raw capture that lists more bytes than were captured is refused") {
-    why = "tags.times: lists more bytes than 1 files contain";
-  }
-  SECTION("a raw capture with an incomplete line in a time file is refused") {
-    text = "1000000000 open\n";
-    why = "tags.times: expected TIME WHAT VALUE, found \"1000000000 open\"";
-  }
-  SECTION("a raw capture without the radar's data port is refused") {
-    std::filesystem::remove(run.keep_raw + "/radar.times");
-    why = "contains only one of radar.times and radar-cli.times";
-  }
-  SECTION("a raw capture that has no complete slot is refused") {
-    name = "run.times", why = "run.times: the raw capture has no complete slot";
-  }
-  SECTION("a raw capture with a time beyond 36 years is refused") {
-    name = "run.times", text = "0 start 1\n9223372036854775807 slots 1000000000\n";
-    why = "expected TIME WHAT VALUE, found \"9223372036854775807 slots 1000000000\"";
-  }
-  SECTION("a raw capture is refused if its first slot begins years after the start of the run") {
-    name = "run.times",
-    why = "run.times: the first slot begins 1000000000.000000 s after the start of the run";
-    text = "0 start 0\n1000000000000000000 slots 1000000000\n1000000001000000000 closed 0\n";
-  }
+  // An empty text deletes the file.
+  const auto [name, text, why] = GENERATE(table<std::string, std::string, const char*>(
+      {{"tags.times", "1000000000 open 0\n1000000000 bytes 99999999999\n",
+        "tags.times: lists more bytes than 1 files contain"},
+       {"tags.times", "1000000000 open\n",
+        "tags.times: expected TIME WHAT VALUE, found \"1000000000 open\""},
+       {"radar.times", "", "contains only one of radar.times and radar-cli.times"},
+       {"run.times", "0 start 1\n", "run.times: the raw capture has no complete slot"},
+       {"run.times", "0 start 1\n9223372036854775807 slots 1000000000\n",
+        "expected TIME WHAT VALUE, found \"9223372036854775807 slots 1000000000\""},
+       // The first slot begins years after the start of the run.
+       {"run.times",
+        "0 start 0\n1000000000000000000 slots 1000000000\n1000000001000000000 closed 0\n",
+        "run.times: the first slot begins 1000000000.000000 s after the start of the run"}}));
   std::ofstream(run.keep_raw + "/" + name) << text;
-  CHECK_THAT(refusal(), Catch::Contains(why));
+  if (text.empty()) std::filesystem::remove(run.keep_raw + "/" + name);
+  CHECK_THAT(refusal_by(import, ExitCode::failed), Catch::Contains(why));
   // A rejected raw capture must not leave a run file behind.
   for (const auto& file : std::filesystem::directory_iterator(b.folder.path))
     CHECK(file.path().filename().string().find("x.sqlite") == std::string::npos);
@@ -224,12 +210,7 @@ TEST_CASE("a run interrupted before its first slot leaves no file") {
     catch_interrupts();
     auto run = b.run(4);
     run.opened = [](const std::string&) { std::raise(SIGTERM); };
-    try {
-      b.lab->record(run);
-      ::_exit(0);
-    } catch (const Error& error) {
-      ::_exit(static_cast<int>(error.code()));
-    }
+    ::_exit(static_cast<int>(error_of([&] { b.lab->record(run); }).first));
   }
   int status = 0;
   REQUIRE(waitpid(child, &status, 0) == child);
@@ -341,11 +322,7 @@ TEST_CASE("a disconnected device stays locked against another run") {
   other.after(40s, [&] {
     acquire::RunOptions second = b.run(1);
     second.out = b.folder / "second.sqlite";
-    try {
-      b.lab->record(second);
-    } catch (const Error& error) {
-      refused = error.what();
-    }
+    refused = error_of([&] { b.lab->record(second); }).second;
   });
   CHECK(b.lab->record(b.run(20)) == ExitCode::ok);
   CHECK(refused.find("radar serial:") != std::string::npos);

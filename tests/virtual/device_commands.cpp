@@ -300,60 +300,54 @@ TEST_CASE("a radar that is connected through a bridge is calibrated with its ran
 }
 
 TEST_CASE("a failed calibration is not stored") {
+  LaboratoryOptions laboratory = reflector();
+  acquire::CalibrateOptions options;
+  std::vector<std::string> settings;
+  double time_s = 0.5;
   SECTION(
       "a calibration from one frame per repeat is not stored, because the values do not scatter") {
-    LaboratoryOptions slow = reflector();
-    slow.radar_cfg = "xwr68xx_azimuth_44mm.cfg";
-    Bench b(slow);
-    b.lab->set({"run.calibration=" + b.folder / "c.toml"}, false);
-    acquire::CalibrateOptions options;
+    laboratory.radar_cfg = "xwr68xx_azimuth_44mm.cfg";
     options.only = Sensor::radar;
-    CHECK(calibrate(*b.lab, false, options, 0.12, 12) == ExitCode::device);
-    CHECK_FALSE(std::filesystem::exists(b.folder / "c.toml"));
+    time_s = 0.12;
   }
-  SECTION("a calibration is not stored if there is no reflector") {
-    LaboratoryOptions empty = reflector();
-    empty.scene = "empty";
-    Bench b(empty);
-    b.lab->set({"run.calibration=" + b.folder / "c.toml"}, false);
-    CHECK(calibrate(*b.lab) == ExitCode::device);
-    CHECK_FALSE(std::filesystem::exists(b.folder / "c.toml"));
-  }
-  SECTION("a calibration of a counting board that sends histograms is not stored") {
-    Bench b(reflector());
-    BridgedDevice device(
-        b.lab->loop, R"({"model":"B","serial":"B1","firmware":"1","sends":"histograms"})",
-        [](BridgedDevice& board) {
-          const std::vector<std::uint32_t> counts(64, 9);
-          board.send(
-              sim::BlockKind::histogram,
-              sim::histogram_payload(counts, 64, 50'000 * board.number(), 5000, 0, 100, 50'000));
-        });
-    b.lab->loop.ports["bridge:tcp://board:1"] = device.listener.opener();
-    b.lab->set({"radar.cli=", "radar.data=", "tdc.address=bridge:tcp://board:1",
-                "run.calibration=" + b.folder / "c.toml"},
-               false);
-    ExitCode code{};
-    const std::string said = printed_by(b.folder / "said", [&] { code = calibrate(*b.lab); });
-    CHECK(code == ExitCode::device);
-    CHECK_THAT(
-        said, Catch::Contains("the sensor sends histograms; calibrate supports time taggers only"));
-    CHECK_FALSE(std::filesystem::exists(b.folder / "c.toml"));
-  }
+  SECTION("a calibration is not stored if there is no reflector") { laboratory.scene = "empty"; }
   SECTION("a calibration with a saturated detector is not stored") {
-    LaboratoryOptions bright = reflector();
-    bright.laser_rate_hz = 1e4;
-    Bench b(bright);
-    b.lab->set({"radar.cli=", "radar.data="});
-    b.lab->set({"run.calibration=" + b.folder / "c.toml"}, false);
-    CHECK(calibrate(*b.lab) == ExitCode::device);
-    CHECK_FALSE(std::filesystem::exists(b.folder / "c.toml"));
+    laboratory.laser_rate_hz = 1e4;
+    settings = {"radar.cli=", "radar.data="};
   }
-  SECTION("a verification is refused if there is no calibration to verify") {
-    Bench b(reflector());
-    CHECK_THROWS_WITH(calibrate(*b.lab, true),
-                      Catch::Contains("run.calibration contains nothing to compare with"));
-  }
+  Bench b(laboratory);
+  settings.push_back("run.calibration=" + b.folder / "c.toml");
+  b.lab->set(settings, false);
+  CHECK(calibrate(*b.lab, false, options, time_s, time_s < 0.5 ? 12 : 6) == ExitCode::device);
+  CHECK_FALSE(std::filesystem::exists(b.folder / "c.toml"));
+}
+
+TEST_CASE("a calibration of a counting board that sends histograms is not stored") {
+  Bench b(reflector());
+  BridgedDevice device(
+      b.lab->loop, R"({"model":"B","serial":"B1","firmware":"1","sends":"histograms"})",
+      [](BridgedDevice& board) {
+        const std::vector<std::uint32_t> counts(64, 9);
+        board.send(
+            sim::BlockKind::histogram,
+            sim::histogram_payload(counts, 64, 50'000 * board.number(), 5000, 0, 100, 50'000));
+      });
+  b.lab->loop.ports["bridge:tcp://board:1"] = device.listener.opener();
+  b.lab->set({"radar.cli=", "radar.data=", "tdc.address=bridge:tcp://board:1",
+              "run.calibration=" + b.folder / "c.toml"},
+             false);
+  ExitCode code{};
+  const std::string said = printed_by(b.folder / "said", [&] { code = calibrate(*b.lab); });
+  CHECK(code == ExitCode::device);
+  CHECK_THAT(said,
+             Catch::Contains("the sensor sends histograms; calibrate supports time taggers only"));
+  CHECK_FALSE(std::filesystem::exists(b.folder / "c.toml"));
+}
+
+TEST_CASE("a verification is refused if there is no calibration to verify") {
+  Bench b(reflector());
+  CHECK_THROWS_WITH(calibrate(*b.lab, true),
+                    Catch::Contains("run.calibration contains nothing to compare with"));
 }
 
 TEST_CASE("the doctor command reports a blocked laser with the same verdict as a run") {

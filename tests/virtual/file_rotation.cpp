@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
 // Tests that run --every writes consecutive run files without losing a slot.
-#include <sqlite3.h>
-
+#include <iterator>
 #include <map>
 #include <set>
+#include <sstream>
 
 #include "../acquire/testing.hpp"
 #include "../fixtures/keeper.hpp"
@@ -35,13 +35,6 @@ struct Rotation {
   Rotation& operator=(const Rotation&) = delete;
 };
 
-std::vector<record::FusedRecord> records_of(const std::string& file) {
-  std::vector<record::FusedRecord> all;
-  record::RunReader(file).for_each(
-      [&](const record::FusedRecord& r) { return all.push_back(r), true; });
-  return all;
-}
-
 std::map<std::string, std::uint64_t> counters_of(const std::string& file) {
   std::map<std::string, std::uint64_t> out;
   for (const auto& c : record::RunReader(file).counters()) out[c.source + ' ' + c.name] = c.value;
@@ -50,17 +43,11 @@ std::map<std::string, std::uint64_t> counters_of(const std::string& file) {
 
 // Returns the number of late tags of each record, and 0 for records without late tags.
 std::vector<std::int64_t> late_tags_of(const std::string& file) {
-  std::vector<std::int64_t> all(static_cast<std::size_t>(record::RunReader(file).count()));
-  sqlite3* db = nullptr;
-  REQUIRE(sqlite3_open(file.c_str(), &db) == SQLITE_OK);
-  const auto put = [](void* counts, int, char** values, char**) {
-    static_cast<std::vector<std::int64_t>*>(counts)->at(std::stoul(values[0])) =
-        std::stoll(values[1]);
-    return 0;
-  };
-  CHECK(sqlite3_exec(db, "SELECT idx, spd FROM late", put, &all, nullptr) == SQLITE_OK);
-  sqlite3_close(db);
-  return all;
+  std::istringstream lines(
+      sql(file,
+          "SELECT coalesce((SELECT spd FROM late WHERE late.idx = record.idx), 0) FROM record "
+          "ORDER BY idx"));
+  return {std::istream_iterator<std::int64_t>(lines), {}};
 }
 
 }  // namespace
@@ -148,7 +135,7 @@ TEST_CASE("late tags are counted in the record of their slot, also after a file 
     CHECK(b.lab->record(rotation.options) == ExitCode::ok);
     std::vector<std::int64_t> all;
     for (const std::string& file : rotation.files)
-      for (const std::int64_t n : late_tags_of(file)) all.push_back(n);
+      std::ranges::copy(late_tags_of(file), std::back_inserter(all));
     return all;
   };
   const auto expected = late_tags(40);
