@@ -7,15 +7,13 @@
 #include <atomic>
 #include <cstdlib>
 #include <filesystem>
-#include <functional>
 #include <thread>
 #include <utility>
 
 #include "../catch.hpp"
+#include "../fixtures/error.hpp"
 #include "../fixtures/folder.hpp"
-#include "../fixtures/record.hpp"
-#include "acquire/measurement/depth_map.hpp"
-#include "acquire/record/run_reader.hpp"
+#include "../fixtures/run.hpp"
 #include "sim/sensors/radar_echo.hpp"
 
 using namespace echofuse;
@@ -34,8 +32,6 @@ Plan small_plan() {
   return plan;
 }
 
-using test::Folder;
-
 void check_equal(const record::FusedRecord& a, const record::FusedRecord& b) {
   REQUIRE(a.index == b.index);
   CHECK(a.label == b.label);
@@ -43,15 +39,6 @@ void check_equal(const record::FusedRecord& a, const record::FusedRecord& b) {
   CHECK(a.slot_start == b.slot_start);
   CHECK(difference(a, b) == "");
   CHECK(a.spd_counts.in_range == b.spd_counts.in_range);
-}
-
-std::vector<record::FusedRecord> read_all(const std::string& path) {
-  std::vector<record::FusedRecord> records;
-  record::RunReader(path).for_each([&](const record::FusedRecord& r) {
-    records.push_back(r);
-    return true;
-  });
-  return records;
 }
 
 }  // namespace
@@ -62,12 +49,10 @@ TEST_CASE("a simulated data set does not depend on the generation order or the n
   const Generator generator(plan);
   for (const int threads : {1, 3}) {
     const std::string path = folder / (std::to_string(threads) + ".sqlite");
-    CHECK(write_dataset(plan, {path, "# mine\n", threads, true}) ==
-          static_cast<std::int64_t>(scenes_of(plan).size()));
-    const auto records = read_all(path);
-    REQUIRE(records.size() ==
-            static_cast<std::size_t>(static_cast<std::int64_t>(scenes_of(plan).size())));
-    for (std::int64_t i = static_cast<std::int64_t>(scenes_of(plan).size()) - 1; i >= 0; --i)
+    CHECK(write_dataset(plan, {path, "# mine\n", threads, true}) == generator.records());
+    const auto records = records_of(path);
+    REQUIRE(std::ssize(records) == generator.records());
+    for (std::int64_t i = generator.records() - 1; i >= 0; --i)
       check_equal(records[static_cast<std::size_t>(i)], generator.make(i));
   }
 }
@@ -88,7 +73,7 @@ TEST_CASE("a simulated data set with antennas does not depend on the number of t
     const record::RunReader run(path);
     CHECK(run.antennas() == generator.stated_antennas());
     CHECK(run.axis("array")->count == 29);
-    for (const auto& r : read_all(path)) {
+    for (const auto& r : records_of(path)) {
       CHECK(r.array_frames == 60);
       std::vector<float> stored;
       const auto packed = record::pack_array(antenna_data(generator.make(r.index)), 8);
@@ -134,7 +119,7 @@ TEST_CASE("a simulated data set stores its settings and has the requested number
   CHECK(stored.conditions.irf_fwhm_ps == 50);
   CHECK(stored.conditions.background == "room");
   std::int64_t people = 0, letters = 0, two = 0, empty = 0;
-  for (const auto& r : read_all(path)) {
+  for (const auto& r : records_of(path)) {
     people += r.label == "person";
     letters += r.label.rfind("letter:", 0) == 0;
     two += r.label == "two_people";
@@ -194,17 +179,8 @@ void make_parts(const Plan& plan, const Folder& folder, int count) {
     const std::string path = folder / ("part-" + std::to_string(k) + ".sqlite");
     const JobPart part = JobPart::of(std::to_string(k) + "/" + std::to_string(count));
     CHECK(write_dataset(plan, {path, "", 1, true, part}) ==
-          part.range(static_cast<std::int64_t>(scenes_of(plan).size())).size());
+          part.range(Generator(plan).records()).size());
   }
-}
-
-std::string error_of(const std::function<void()>& body) {
-  try {
-    body();
-  } catch (const Error& e) {
-    return e.what();
-  }
-  return "no error";
 }
 
 // Returns all rows of a table as a string.
@@ -225,10 +201,6 @@ std::string rows_of(const std::string& path, const std::string& table) {
   sqlite3_close(db);
   return out;
 }
-
-}  // namespace
-
-namespace {
 
 // Waits until a file with the given suffix exists, opens the file, and holds a read transaction
 // open.
@@ -270,7 +242,11 @@ TEST_CASE("a part of a data set is not completed while another program reads its
   std::string said;
   {
     const Reader reader(folder.path, ".unfinished");
-    said = error_of([&] { write_dataset(plan, {place, "", 1, true, JobPart::of("1/2")}); });
+    said = refusal_by(
+        [&] {
+          write_dataset(plan, {place, "", 1, true, JobPart::of("1/2")});
+        },
+        ExitCode::failed);
     REQUIRE(reader.holds());
   }
   ::unsetenv("TMPDIR");
@@ -306,9 +282,8 @@ TEST_CASE(
   CHECK(write_dataset(plan, {path, "", 1, true, JobPart::of("1/2")}) == 2);
   CHECK(std::filesystem::last_write_time(path) == before);
   for (const char* other : {"2/2", "1/1"})
-    CHECK_THAT(error_of([&] {
-                 write_dataset(plan, {path, "", 1, true, JobPart::of(other)});
-               }),
-               Catch::Contains(
-                   "exists already and is not this part of the data set; choose another --out"));
+    check_error(ExitCode::failed,
+                "exists already and is not this part of the data set; choose another --out", [&] {
+                  write_dataset(plan, {path, "", 1, true, JobPart::of(other)});
+                });
 }

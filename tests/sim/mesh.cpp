@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: MIT
 #include "sim/scene/mesh.hpp"
 
-#include <filesystem>
 #include <fstream>
+#include <sstream>
 
 #include "../catch.hpp"
+#include "../fixtures/error.hpp"
+#include "../fixtures/folder.hpp"
 #include "acquire/measurement/depth_map.hpp"
-#include "drivers/util/exit_code.hpp"
 #include "scenes.hpp"
 #include "sim/sensors/optics.hpp"
 
@@ -36,14 +37,9 @@ f 2 3 7 6
 )";
 
 std::string refusal(const std::string& text) {
-  try {
-    read_mesh(text, "a.mesh");
-  } catch (const Error& e) {
-    CHECK(e.code() == ExitCode::config);
-    CHECK(std::string(e.what()).find('\n') == std::string::npos);
-    return e.what();
-  }
-  return "";
+  std::string said = test::refusal_by([&] { read_mesh(text, "a.mesh"); });
+  CHECK(said.find('\n') == said.npos);
+  return said;
 }
 
 Triangle moved(const Mesh& mesh, std::size_t i, Vec3 by) {
@@ -111,11 +107,10 @@ TEST_CASE("rays do not pass between adjacent triangles of a mesh") {
 }
 
 TEST_CASE("a mesh is placed on the floor, rotated and scaled") {
-  const auto path = std::filesystem::temp_directory_path() /
-                    ("echofuse-box-" + std::to_string(getpid()) + ".obj");
-  std::ofstream(path) << box_obj;
+  const test::Folder folder;
   Conditions c;
-  c.object = path.string();
+  c.object = folder / "box.obj";
+  std::ofstream(c.object) << box_obj;
   c.object_scale = 0.5;
   SceneSpec spec{SceneKind::object};
   spec.x_m = -0.4;
@@ -125,7 +120,7 @@ TEST_CASE("a mesh is placed on the floor, rotated and scaled") {
     c.object_up = up;
     const Scene scene = make_scene(c, spec, 1, 0);
     REQUIRE(scene.triangles.size() == 12);
-    CHECK(scene.label == "object:" + path.stem().string());
+    CHECK(scene.label == "object:box");
     Vec3 low{9, 9, 9}, high{-9, -9, -9};
     for (const auto& t : scene.triangles)
       for (const Vec3 p : {t.a, t.b, t.c}) {
@@ -140,7 +135,6 @@ TEST_CASE("a mesh is placed on the floor, rotated and scaled") {
     CHECK((low.x + high.x) / 2 == Approx(-0.4));
     CHECK((low.z + high.z) / 2 == Approx(3.25));
   }
-  std::filesystem::remove(path);
 }
 
 namespace {
@@ -178,8 +172,7 @@ std::string letter_obj(std::vector<Bar> bars, Vec3 (*in_file)(Vec3)) {
 }  // namespace
 
 TEST_CASE("meshes from right-handed files are not mirrored, whatever the up axis") {
-  const auto path = std::filesystem::temp_directory_path() /
-                    ("echofuse-letter-" + std::to_string(getpid()) + ".obj");
+  const test::Folder folder;
   struct File {
     const char* up;
     Vec3 (*in_file)(Vec3);
@@ -196,10 +189,10 @@ TEST_CASE("meshes from right-handed files are not mirrored, whatever the up axis
                                          return Vec3{p.x, -p.y, -p.z};
                                        }}}) {
       CAPTURE(is_l, up);
-      const auto file = path.string() + up + (is_l ? "L" : "F");
-      std::ofstream(file) << letter_obj(is_l ? letter_l : letter_f, in_file);
       Conditions c;
-      c.object = file, c.object_up = up, c.camera_height_m = 0.75;
+      c.object = folder / (is_l ? "L" : "F") + up + ".obj";
+      c.object_up = up, c.camera_height_m = 0.75;
+      std::ofstream(c.object) << letter_obj(is_l ? letter_l : letter_f, in_file);
       const Scene scene = make_scene(c, spec, 1, 0);
       const auto depth_m = [&](double x_m, double y_m) {
         const double z = 3.2;
@@ -216,7 +209,6 @@ TEST_CASE("meshes from right-handed files are not mirrored, whatever the up axis
       CHECK((depth_m(0.3, -0.6) > 0) == is_l);
       // Only the F has an upper arm.
       CHECK((depth_m(0.3, 0.55) > 0) == !is_l);
-      std::filesystem::remove(file);
     }
 }
 
@@ -237,11 +229,10 @@ TEST_CASE("concave faces of meshes are refused") {
 }
 
 TEST_CASE("the size of an object is stated, and an implausible size is refused") {
-  const auto path = std::filesystem::temp_directory_path() /
-                    ("echofuse-size-" + std::to_string(getpid()) + ".obj");
-  std::ofstream(path) << box_obj;
+  const test::Folder folder;
   Conditions c;
-  c.object = path.string();
+  c.object = folder / "box.obj";
+  std::ofstream(c.object) << box_obj;
   CHECK_THAT(object_text(c), Catch::Contains(".obj: 1 x 2 x 0.5 m, 12 triangles"));
   for (const double scale : {100.0, 3.1, 0.01}) {
     c.object_scale = scale;
@@ -249,14 +240,12 @@ TEST_CASE("the size of an object is stated, and an implausible size is refused")
                       Catch::Contains("expected a longest side from 0.052 m (a pixel)"));
   }
   c.object_scale = 1;
-  std::ofstream many(path);
+  c.object = folder / "many.obj";
+  std::ofstream many(c.object);
   many << "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
   for (int k = 0; k <= 50'000; ++k) many << "f 1 2 3\n";
   many.close();
-  c.object = path.string() + "2";
-  std::filesystem::rename(path, c.object);
   CHECK_THROWS_WITH(validate(c), Catch::Contains("50001 triangles; expected at most 50000"));
-  std::filesystem::remove(c.object);
 }
 
 TEST_CASE("damaged mesh files are refused with the line number of the error") {

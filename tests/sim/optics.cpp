@@ -78,6 +78,22 @@ Scores scores_of(const std::vector<double>& rate, const std::vector<double>& mea
   return s;
 }
 
+// Expected value and variance of the counts in each bin if only the first photon of a pulse counts.
+struct FirstPhotons {
+  std::vector<double> mean, variance;
+};
+FirstPhotons first_photons(const std::vector<double>& rate, double pulses) {
+  FirstPhotons out;
+  double before = 0;
+  for (const double r : rate) {
+    const double p = std::exp(-before) * -std::expm1(-r / pulses);
+    before += r / pulses;
+    out.mean.push_back(pulses * p);
+    out.variance.push_back(pulses * p * (1 - p));
+  }
+  return out;
+}
+
 }  // namespace
 
 TEST_CASE("a return at a bin edge adds the exact integral of the Gaussian response to each bin") {
@@ -260,16 +276,10 @@ TEST_CASE("simulated pile-up counts only the first photon of each pulse") {
   c.background_counts = 5000;
   const auto rate = spd_rate(spd_returns(some_scene(c, 2), c), c);
   const auto pulses = static_cast<double>(c.pulses_per_window);
-  std::vector<double> mean, variance;
-  double before = 0, spread = 0, odds = 0;
-  for (const double r : rate) {
-    const double p = std::exp(-before) * (1 - std::exp(-r / pulses));
-    before += r / pulses;
-    mean.push_back(pulses * p);
-    variance.push_back(pulses * p * (1 - p));
-    spread += 2 + 1 / variance.back();
-    odds += p / (1 - p);
-  }
+  const auto [mean, variance] = first_photons(rate, pulses);
+  double spread = 0, odds = 0;
+  for (std::size_t i = 0; i < rate.size(); ++i)
+    spread += 2 + 1 / variance[i], odds += mean[i] / (pulses - mean[i]);
   CHECK(total(mean) == Approx(pulses * (1 - std::exp(-total(rate) / pulses))));
   constexpr int draws = 300;
   const Scores s = scores_of(rate, mean, variance, c, draws);
@@ -329,16 +339,8 @@ TEST_CASE(
   c.spd_dead_time_ps = 50'000;
   c.signal_photons = 1e5;
   c.background_counts = 2e4;
-  std::vector<double> rate = spd_rate(spd_returns(some_scene(c, 2), c), c);
-  const auto pulses = static_cast<double>(c.pulses_per_window);
-  std::vector<double> mean, variance;
-  double before = 0;
-  for (const double r : rate) {
-    const double p = std::exp(-before) * -std::expm1(-r / pulses);
-    before += r / pulses;
-    mean.push_back(pulses * p);
-    variance.push_back(pulses * p * (1 - p));
-  }
+  const auto rate = spd_rate(spd_returns(some_scene(c, 2), c), c);
+  const auto [mean, variance] = first_photons(rate, static_cast<double>(c.pulses_per_window));
   CHECK(scores_of(rate, mean, variance, c, 30).worst < 4.5);
 }
 

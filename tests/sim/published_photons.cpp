@@ -7,31 +7,23 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdlib>
 #include <cstring>
-#include <filesystem>
-#include <fstream>
 #include <iostream>
-#include <iterator>
 #include <nlohmann/json.hpp>
 #include <numeric>
 
 #include "../catch.hpp"
-#include "../fixtures/paths.hpp"
+#include "../fixtures/data.hpp"
+#include "../fixtures/folder.hpp"
 #include "sim/scene/mesh.hpp"
 #include "sim/sensors/optics.hpp"
 #include "sim/sensors/render.hpp"
 
 using namespace echofuse;
 using namespace echofuse::sim;
+using test::data_folder;
 
 namespace {
-
-std::filesystem::path data_folder() {
-  const char* set = std::getenv("ECHOFUSE_DATA");
-  return set ? std::filesystem::path(set)
-             : std::filesystem::path(echofuse::test::source_dir) / ".." / "shared" / "data";
-}
 
 nlohmann::json read_json(const std::string& name) {
   const gzFile file = gzopen((data_folder() / name).c_str(), "rb");
@@ -44,16 +36,10 @@ nlohmann::json read_json(const std::string& name) {
   return nlohmann::json::parse(text);
 }
 
-std::string read_text(const std::string& name) {
-  std::ifstream file(data_folder() / name, std::ios::binary);
-  REQUIRE(file);
-  return {std::istreambuf_iterator<char>(file), {}};
-}
-
 using Corners = std::vector<std::array<Vec3, 3>>;
 
 Corners read_obj(const std::string& name) {
-  const Mesh mesh = read_mesh(read_text(name), name);
+  const Mesh mesh = read_mesh(test::contents(data_folder() / name), name);
   Corners out;
   for (const auto& [a, b, c] : mesh.triangles)
     out.push_back({mesh.points[a], mesh.points[b], mesh.points[c]});
@@ -63,7 +49,7 @@ Corners read_obj(const std::string& name) {
 // Reads a binary STL file. The file begins with a header of 80 bytes and the number of triangles.
 // Each triangle has 12 floats (the normal and three corners) and two more bytes.
 Corners read_stl(const std::string& name) {
-  const std::string text = read_text(name);
+  const std::string text = test::contents(data_folder() / name);
   Corners out;
   for (std::size_t at = 84; at + 50 <= text.size(); at += 50) {
     std::array<float, 12> v{};
@@ -334,10 +320,5 @@ TEST_CASE("simulated histograms of a block match those measured with a TMF8820")
 }  // namespace
 
 int main(int argc, char** argv) {
-  if (!std::filesystem::exists(data_folder() / "spad-simulated")) {
-    std::cout << "skipped: no spad-simulated below " << data_folder().lexically_normal()
-              << " (set ECHOFUSE_DATA)\n";
-    return 77;
-  }
-  return echofuse::test::run_catch(argc, argv);
+  return echofuse::test::run_with_data(argc, argv, "spad-simulated");
 }

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: MIT
 #include "sim/scene/scene_list.hpp"
 
-#include <filesystem>
 #include <fstream>
 
 #include "../catch.hpp"
+#include "../fixtures/error.hpp"
+#include "../fixtures/folder.hpp"
 #include "../fixtures/record.hpp"
 #include "acquire/record/run_reader.hpp"
-#include "drivers/util/exit_code.hpp"
 #include "sim/dataset/generator.hpp"
 
 using namespace echofuse;
@@ -32,13 +32,7 @@ kind = "empty"
 )";
 
 std::string refusal(const std::string& text) {
-  try {
-    read_scene_list(text, "list.toml");
-  } catch (const Error& e) {
-    CHECK(e.code() == ExitCode::config);
-    return e.what();
-  }
-  return "";
+  return refusal_by([&] { read_scene_list(text, "list.toml"); });
 }
 
 }  // namespace
@@ -95,10 +89,8 @@ TEST_CASE("a given scene position does not change the other parameters of the sc
 }
 
 TEST_CASE("record k of a scene list does not depend on the generation order or the list length") {
-  const auto folder =
-      std::filesystem::temp_directory_path() / ("echofuse-list-" + std::to_string(getpid()));
-  std::filesystem::create_directories(folder);
-  const std::string path = (folder / "list.toml").string(), run = (folder / "a.sqlite").string();
+  const Folder folder;
+  const std::string path = folder / "list.toml", run = folder / "a.sqlite";
   std::ofstream(path) << list;
   Plan plan;
   plan.scenes = path;
@@ -107,16 +99,11 @@ TEST_CASE("record k of a scene list does not depend on the generation order or t
   const Generator shorter(plan);
   REQUIRE(shorter.records() == 3);
   for (std::int64_t k = 2; k >= 0; --k) {
-    const auto r = shorter.make(k);
-    record::RunReader(run).for_each([&](const record::FusedRecord& stored) {
-      if (stored.index != k) return true;
-      CHECK(stored.label == r.label);
-      CHECK(difference(stored, r) == "");
-      return false;
-    });
+    const auto r = shorter.make(k), stored = record::RunReader(run).read(k);
+    CHECK(stored.label == r.label);
+    CHECK(difference(stored, r) == "");
   }
   plan.scenes.clear();
   plan.objects = 1;
   CHECK_THROWS_WITH(scenes_of(plan), Catch::Contains("object = \"FILE.obj\""));
-  std::filesystem::remove_all(folder);
 }
