@@ -1,9 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Tests echofuse.write_run and `echofuse-acquire import FOLDER`, which convert NumPy arrays to a run."""
-import json
 import os
 import resource
-import subprocess
 
 import numpy as np
 import pytest
@@ -12,13 +10,20 @@ import echofuse
 from echofuse import plot
 from echofuse.bench import derive
 from echofuse.runs import antennas
-from fixtures import BIN, program
+from fixtures import BIN, json_of, outcome, program
 
 ACQUIRE = str(BIN / "echofuse-acquire")
 
 
 def write(path, **arrays):
     return echofuse.write_run(path, program=ACQUIRE, **arrays)
+
+
+def imported(folder, toml="", **how):
+    """Imports the arrays of a folder. Returns the exit code and the error messages."""
+    (folder / "run.toml").write_text(toml)
+    done = outcome("echofuse-acquire", "import", folder, "--out", folder / "own", **how)
+    return done.returncode, done.stderr
 
 
 def test_run_written_from_arrays_reads_back_the_same_arrays(tmp_path):
@@ -121,7 +126,7 @@ def test_write_run_refuses_the_name_of_a_folder(tmp_path, monkeypatch, name):
     with pytest.raises(ValueError, match="expected the name of a run file"):
         write(name, spd=np.ones((3, 5)))
     if name:
-        done = subprocess.run([ACQUIRE, "import", tmp_path / "d", "--out", name], capture_output=True, text=True, check=False)
+        done = outcome("echofuse-acquire", "import", tmp_path / "d", "--out", name)
         assert done.returncode == 2 and "expected the name of a run file" in done.stderr
     with pytest.raises(RuntimeError, match=r"/x{251}\.sqlite: File name too long$"):
         write("x" * 251, spd=np.ones((3, 5)))
@@ -204,18 +209,15 @@ def test_write_run_refuses_invalid_arrays_and_states_what_is_expected(tmp_path, 
 @pytest.mark.parametrize("cut", [1, 60, 100, 127, 130])
 def test_import_refuses_a_truncated_npy_file(tmp_path, cut):
     np.save(tmp_path / "spd.npy", np.ones((3, 5), np.uint16))
-    (tmp_path / "run.toml").write_text("window_s = 1.0\n")
-    whole = (tmp_path / "spd.npy").read_bytes()
-    (tmp_path / "spd.npy").write_bytes(whole[:cut])
-    done = subprocess.run([ACQUIRE, "import", tmp_path, "--out", tmp_path / "own"], capture_output=True, text=True, check=False)
-    assert done.returncode == 1 and "spd.npy: " in done.stderr and done.stderr.count("\n") == 1
+    (tmp_path / "spd.npy").write_bytes((tmp_path / "spd.npy").read_bytes()[:cut])
+    code, said = imported(tmp_path, "window_s = 1.0\n")
+    assert code == 1 and "spd.npy: " in said and said.count("\n") == 1
 
 
 def test_import_stores_the_response_from_run_toml_and_ignores_lab_toml(tmp_path):
     np.save(tmp_path / "radar.npy", np.ones((3, 5)))
-    (tmp_path / "run.toml").write_text('[radar]\ncell_m = 0.04996540967\ntaps = "1 0.9 0.5 0.2"\n[spd]\nirf_fwhm_ps = 1234.56789\n')
     (tmp_path / "lab.toml").write_text("not TOML")
-    subprocess.run([ACQUIRE, "import", ".", "--out", "own"], check=True, cwd=tmp_path)
+    imported(tmp_path, '[radar]\ncell_m = 0.04996540967\ntaps = "1 0.9 0.5 0.2"\n[spd]\nirf_fwhm_ps = 1234.56789\n', cwd=tmp_path)
     meta = echofuse.open(tmp_path / "own.sqlite").meta
     assert (meta["radar_cell_m"], meta["radar_taps"]) == ("0.04996540967", "1 0.9 0.5 0.2")
     assert meta["irf_fwhm_ps"] == "1234.56789"
@@ -286,8 +288,7 @@ def test_began_argument_sets_the_start_time_of_an_imported_run(tmp_path):
     run = write(tmp_path / "own", began="2024-02-07T13:00:00+01:00", **scene())
     assert run.time[1] == np.datetime64("2024-02-07T12:00:03") and run.info["started_utc"] == "2024-02-07T12:00:00.000Z"
     assert run.info["ended_utc"] == "2024-02-07T12:00:36.000Z"
-    listed = subprocess.run([ACQUIRE, "list", tmp_path, "--json"], capture_output=True, text=True, check=True).stdout
-    assert "2024-02-07T12:00:00" in listed
+    assert "2024-02-07T12:00:00" in str(json_of("echofuse-acquire", "list", tmp_path))
     assert events(write(tmp_path / "today", **scene())) == [
         "start time unknown: the modification time of radar.npy is used; set it with --began UTC"]
     for text in (0, "2024-02-30", "2024-02-07T13:00:00+25:00", "2024-02-07T13:00:00+1", "noon"):
@@ -313,19 +314,15 @@ def test_import_checks_the_npy_shape_before_allocating_memory(tmp_path):
     with open(tmp_path / "spd.npy", "wb") as file:
         file.write(b"\x93NUMPY\x01\x00\x76\x00" + head.ljust(117).encode() + b"\n")
         file.truncate(128 + 2 ** 32 + 5)  # The file is sparse, so it occupies almost no disk space.
-    (tmp_path / "run.toml").write_text("")
-    done = subprocess.run([ACQUIRE, "import", tmp_path, "--out", tmp_path / "own"], capture_output=True, text=True, check=False,
-                          preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (1 << 30, 1 << 30)))
-    assert done.returncode == 1 and "has 4294967301 values per record; expected at most" in done.stderr
+    code, said = imported(tmp_path, preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (1 << 30, 1 << 30)))
+    assert code == 1 and "has 4294967301 values per record; expected at most" in said
 
 
 def test_import_refuses_an_npy_data_type_that_contains_a_nul_byte(tmp_path):
     np.save(tmp_path / "spd.npy", np.zeros((0, 5), "<u4"))
-    whole = (tmp_path / "spd.npy").read_bytes()
-    (tmp_path / "spd.npy").write_bytes(whole.replace(b"<u4", b"<u\0"))
-    (tmp_path / "run.toml").write_text("")
-    done = subprocess.run([ACQUIRE, "import", tmp_path, "--out", tmp_path / "own"], capture_output=True, text=True, check=False)
-    assert done.returncode == 1 and "has type '<u\\x00'; expected little-endian integers, or floats" in done.stderr
+    (tmp_path / "spd.npy").write_bytes((tmp_path / "spd.npy").read_bytes().replace(b"<u4", b"<u\0"))
+    code, said = imported(tmp_path)
+    assert code == 1 and "has type '<u\\x00'; expected little-endian integers, or floats" in said
 
 
 def test_write_run_stores_the_radar_response_and_antennas(tmp_path):
@@ -358,11 +355,10 @@ def test_derived_run_keeps_everything_except_the_replaced_arrays(tmp_path):
 ])
 def test_import_refuses_fractional_record_numbers_and_sensor_bits(tmp_path, name, values, said):
     write(tmp_path / "base", **scene())
-    (tmp_path / "run.toml").write_text('run = "base.sqlite"')
     np.save(tmp_path / "index.npy", [0, 1])
     np.save(tmp_path / f"{name}.npy", np.array(values, float))
-    done = subprocess.run([ACQUIRE, "import", tmp_path, "--out", tmp_path / "own"], capture_output=True, text=True, check=False)
-    assert done.returncode == 1 and f"{name}.npy: {said}" in done.stderr
+    code, text = imported(tmp_path, 'run = "base.sqlite"')
+    assert code == 1 and f"{name}.npy: {said}" in text
 
 
 @pytest.mark.parametrize("size", [3, 8])
@@ -375,16 +371,15 @@ def test_small_maps_keep_their_size_in_training_and_evaluation(tmp_path, size):
     program("echofuse-recon", "-q", "train", run.path, "--inputs", "spd", "--model", "ridge", "--out", model)
     program("echofuse-recon", "-q", "reconstruct", model, run.path, "--out", maps, "--format", "npy,colour,ply")
     assert echofuse.load_maps(maps)[0].shape == (40, size, size)
-    told = json.loads(subprocess.run([BIN / "echofuse-recon", "-q", "evaluate", model, run.path, "--json"], capture_output=True,
-                                     check=True).stdout)
-    assert told["metrics"]["iou"]["mean"] >= 0 and told["metrics"]["ssim"]["mean"] is None
+    metrics = json_of("echofuse-recon", "-q", "evaluate", model, run.path)["metrics"]
+    assert metrics["iou"]["mean"] >= 0 and metrics["ssim"]["mean"] is None
 
 
 def test_sensor_without_an_imported_array_has_the_verdict_not_configured(tmp_path):
     run = write(tmp_path / "own", spd=scene()["spd"], began="2024-02-07")
-    told = json.loads(subprocess.run([ACQUIRE, "info", run.path, "--json"], capture_output=True, check=True).stdout)
-    assert told["verdicts"]["radar"] == told["verdicts"]["depth"] == {"not configured": 12}
-    assert told["doubtful"] == 0 and not told["doubts"]
+    info = json_of("echofuse-acquire", "info", run.path)
+    assert info["verdicts"]["radar"] == info["verdicts"]["depth"] == {"not configured": 12}
+    assert info["doubtful"] == 0 and not info["doubts"]
 
 
 def test_split_uses_the_sensors_of_the_run_and_names_missing_data_if_no_record_remains(tmp_path):

@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: MIT
 """Tests when echofuse-bench measures a table row again, and how it calls a user's method."""
 import csv
+import importlib.util
 import os
+import pathlib
+import shutil
 import subprocess
 import sys
 
@@ -33,6 +36,15 @@ class Copying(Mine):
         assert not run.valid["depth"].any() and len(run.labels) == len(run)
         return run.maps()
 """
+# External program that predicts the map of the training record with the most similar histogram.
+PROGRAM = f"""#!{sys.executable}
+import sys
+import numpy as np
+import echofuse
+train, test = map(echofuse.open, sys.argv[1:3])
+nearest = [np.argmin(((train.spd.astype(float) - row) ** 2).sum(1)) for row in test.spd]
+echofuse.save_maps(sys.argv[3], train.maps(nearest), test.index, run=test)
+"""
 
 
 @pytest.fixture(scope="module")
@@ -51,6 +63,19 @@ def pareto(folder, runs, *methods, out="b.csv", row=0, more=()):
                            *more], cwd=folder, capture_output=True, text=True, check=False)
     table = bench.Table(folder / out) if (folder / out).exists() else None
     return done, {row["model"]: row for row in table.rows.values()} if table else {}
+
+
+def test_bench_compares_the_examples_and_an_external_program_with_a_built_in_method(runs, tmp_path):
+    methods, examples = ["nearest", "./other"], pathlib.Path(__file__).parents[2] / "recon/python/examples"
+    for module, package, name in (("torch_network", "torch", "Network"), ("forest", "sklearn", "Forest")):
+        if importlib.util.find_spec(package):  # The method is omitted if its package is not installed.
+            shutil.copy(examples / f"{module}.py", tmp_path)
+            methods.append(f"{module}:{name}")
+    (tmp_path / "other").write_text(PROGRAM)
+    (tmp_path / "other").chmod(0o755)
+    done, rows = pareto(tmp_path, runs, *methods)
+    assert done.returncode == 0 and rows.keys() == set(methods), done.stderr
+    assert {(row["answered"], row["records"], row["threads"]) for row in rows.values()} == {("20", "20", "1")}
 
 
 def lines(folder):

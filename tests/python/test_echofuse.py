@@ -2,7 +2,6 @@
 """Tests how the Python package (recon/python) opens, reads and converts simulated runs."""
 import concurrent.futures
 import fcntl
-import json
 import os
 import shutil
 import sqlite3
@@ -18,7 +17,7 @@ import pytest
 import echofuse
 from echofuse.export import export
 from echofuse.runs import grid, run_files
-from fixtures import BIN, change, program
+from fixtures import BIN, change, json_of, outcome, program
 
 
 @pytest.fixture(scope="session")
@@ -59,14 +58,9 @@ def test_closed_run_can_be_read_without_the_functions_that_windows_lacks(folder)
     assert found.stdout.split() == [str(x) for x in (len(run), run.spd.sum(), run.radar.sum(), run.depth.sum(), "complete")]
 
 
-def test_run_arrays_equal_those_of_the_hdf5_export(folder):
+def test_hdf5_export_of_selected_records_has_their_labels_and_times(folder):
     h5py = pytest.importorskip("h5py")
-    program("echofuse-export", folder / "monday.sqlite", "--to", folder / "monday.h5")
     run = echofuse.open(folder / "monday")
-    with h5py.File(folder / "monday.h5") as file:
-        assert np.array_equal(file["entry/data/spd"][:], run.spd)
-        assert np.array_equal(file["entry/data/radar"][:], run.radar)
-        assert np.array_equal(file["entry/data/depth"][:], run.depth, equal_nan=True)
     export(run[[7, 5]], folder / "part.h5")
     with h5py.File(folder / "part.h5") as file:
         assert file["entry/data/label"].asstr()[:].tolist() == [run.labels[7], run.labels[5]]
@@ -178,12 +172,7 @@ def test_median_is_subtracted_from_radar_power_that_includes_the_noise(folder, t
     assert np.array_equal(run.radar, echofuse.open(folder / "monday").radar)
 
 
-def test_open_and_load_model_refuse_files_of_another_kind(folder, tmp_path):
-    with pytest.raises(FileNotFoundError, match="no such run"):
-        echofuse.open(tmp_path / "nothing")
-    (tmp_path / "text.sqlite").write_text("no database, but long enough to be read as one " * 20)
-    with pytest.raises(ValueError, match="not an echofuse run file"):
-        echofuse.open(tmp_path / "text")
+def test_load_model_refuses_files_of_another_kind(folder, tmp_path):
     with pytest.raises(FileNotFoundError):
         echofuse.load_model(tmp_path / "m")
     for text in ("", "no model, but long enough to be read as one"):
@@ -192,9 +181,6 @@ def test_open_and_load_model_refuse_files_of_another_kind(folder, tmp_path):
             echofuse.load_model(tmp_path / "m")
     with pytest.raises(ValueError, match="monday.sqlite: is a run; expected a model file"):
         echofuse.load_model(folder / "monday.sqlite")
-    (tmp_path / "model.safetensors").write_bytes(struct.pack("<Q", 2) + b"{}")
-    with pytest.raises(ValueError, match="model.safetensors: is a model; expected a run file"):
-        echofuse.open(tmp_path / "model.safetensors")
 
 
 @contextmanager
@@ -256,7 +242,7 @@ def test_run_of_a_killed_program_has_status_crashed_and_follow_ends(folder, tmp_
         run = echofuse.open(name)
         assert run.info["status"] == "crashed" and list(run.follow()) == list(range(10)) and "wal_key" not in run.meta
     program("echofuse-export", path, "--to", tmp_path / "a.h5")
-    listed = json.loads(outcome("echofuse-acquire", "list", "--json", tmp_path).stdout)["runs"]
+    listed = json_of("echofuse-acquire", "list", tmp_path)["runs"]
     assert {(run["status"], run["records"]) for run in listed} == {("crashed", 10)}
 
 
@@ -283,7 +269,7 @@ def test_copy_of_a_crashed_run_without_its_wal_file_has_status_crashed_no_wal(fo
         run = echofuse.open(path)
         assert run.info["status"] == "crashed, no -wal" and list(run.follow()) == [0, 1, 2]
         assert outcome("echofuse-acquire", "annotate", path, "x").returncode == 1
-        assert json.loads(outcome("echofuse-acquire", "info", "--json", path).stdout)["status"] == "crashed, no -wal"
+        assert json_of("echofuse-acquire", "info", path)["status"] == "crashed, no -wal"
     assert sorted(file.name for file in tmp_path.glob("copy*")) == ["copy.sqlite", *["copy.sqlite-wal"] * (wal is not None)]
 
 
@@ -292,10 +278,6 @@ def test_status_of_a_vacuum_copy_says_that_it_is_a_copy_of_an_open_run(folder, t
         db.execute("VACUUM INTO ?", (str(tmp_path / "copy.sqlite"),))
     run = echofuse.open(tmp_path / "copy")
     assert run.info["status"] == "copy of an open run" and list(run.follow()) == [0, 1, 2]
-
-
-def outcome(name, *words):
-    return subprocess.run([BIN / name, *map(str, words)], capture_output=True, text=True)
 
 
 def another_run(folder, path, files):
@@ -350,22 +332,16 @@ def test_all_programs_map_a_run_name_with_a_dot_to_the_same_file(folder, tmp_pat
     shutil.copy(folder / "monday.sqlite", tmp_path / f"{name}.sqlite")
     for given in (name, f"{name}.sqlite"):
         assert len(echofuse.open(tmp_path / given)) == 60
-        said = outcome("echofuse-acquire", "info", "--json", tmp_path / given)
-        assert json.loads(said.stdout)["file"] == str(tmp_path / f"{name}.sqlite")
+        assert json_of("echofuse-acquire", "info", tmp_path / given)["file"] == str(tmp_path / f"{name}.sqlite")
     program("echofuse-export", tmp_path / name, "--to", tmp_path / "x.h5")
 
 
-def test_open_accepts_sqlite_analyze_tables_and_refuses_unknown_tables(folder, tmp_path):
+def test_open_accepts_the_tables_of_sqlite_analyze(folder, tmp_path):
     path = tmp_path / "a.sqlite"
     path.write_bytes((folder / "monday.sqlite").read_bytes())
     with closing(sqlite3.connect(path)) as db:
         db.executescript("CREATE INDEX i ON record (label); ANALYZE; DROP INDEX i")
     assert echofuse.open(path).tables == echofuse.open(folder / "monday").tables
-    change(path, "table with a quotation mark")
-    said = outcome("echofuse-acquire", "info", path).stderr
-    with pytest.raises(ValueError, match='DROP TABLE "m""y"$') as refused:
-        echofuse.open(path)
-    assert str(refused.value) in said
 
 
 @pytest.mark.parametrize("sql, values, said", [

@@ -1,14 +1,13 @@
 # SPDX-License-Identifier: MIT
 """Tests `echofuse-recon evaluate --maps`: which records are scored, and whether the maps belong to the run."""
 import json
-import subprocess
 
 import numpy as np
 import pytest
 
 import echofuse
 from echofuse.bench import derive
-from fixtures import BIN, program
+from fixtures import outcome, program
 
 
 @pytest.fixture(scope="module")
@@ -19,8 +18,7 @@ def run(tmp_path_factory):
 
 
 def judged(folder, run, *words, ok=True):
-    done = subprocess.run([BIN / "echofuse-recon", "-q", "evaluate", "--maps", folder, run.path, *words], capture_output=True,
-                          text=True, check=False)
+    done = outcome("echofuse-recon", "-q", "evaluate", "--maps", folder, run.path, *words)
     assert (done.returncode == 0) == ok, done.stderr
     return json.loads(done.stdout) if "--json" in words and ok else done.stdout + done.stderr
 

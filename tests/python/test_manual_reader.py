@@ -3,14 +3,13 @@
 Python package."""
 import shutil
 import sqlite3
-import subprocess
 import zlib
 
 import numpy as np
 import pytest
 
 import echofuse
-from fixtures import BIN, change, plates, scenes
+from fixtures import change, plates, program, scenes
 
 C_M_PER_PS = 299_792_458e-12
 
@@ -89,7 +88,7 @@ half_tangent = 0.4
 map_z_max_m = 5.0
 map_size = 4
 """)
-    subprocess.run([BIN / "echofuse-acquire", "import", tmp_path, "--out", tmp_path / "own", "--began", "2024-02-07"], check=True)
+    program("echofuse-acquire", "import", tmp_path, "--out", tmp_path / "own", "--began", "2024-02-07")
     run = echofuse.open(tmp_path / "own")
     assert run.labels == ["a", "b"] and run.offset_m == {"spd": 0.1, "radar": 0.2} and run.maps().shape == (2, 4, 4)
     assert (run.axes["spd"].start, run.axes["radar"].step, run.axes["map_z"].step) == (100, 0.25, 5)

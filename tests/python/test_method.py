@@ -3,15 +3,13 @@
 same foreground, and depths that agree within 0.1 mm."""
 import csv
 import dataclasses
-import json
 import shutil
-import subprocess
 
 import numpy as np
 import pytest
 
 import echofuse
-from fixtures import BIN, change, plates, program
+from fixtures import change, json_of, plates, program
 
 # Simulator settings of each run, by run name.
 RUNS = {
@@ -233,9 +231,8 @@ def test_loaded_model_describes_its_inputs_and_accepts_arrays(runs, tmp_path):
     again, index = echofuse.load_maps(tmp_path / "maps")
     assert np.array_equal(again, maps.depth_m, equal_nan=True) and index.tolist() == maps.index.tolist()
     # evaluate --maps excludes the 54 records on which the model was trained.
-    told = json.loads(subprocess.run([BIN / "echofuse-recon", "-q", "evaluate", "--json", "--maps", tmp_path / "maps", run.path],
-                                     capture_output=True, check=True).stdout)
-    assert (told["records"], told["left_out"]) == (6, {"trained on": 54})
+    scored = json_of("echofuse-recon", "-q", "evaluate", "--maps", tmp_path / "maps", run.path)
+    assert (scored["records"], scored["left_out"]) == (6, {"trained on": 54})
     pytest.importorskip("xarray")
     data = maps.to_xarray()
     assert data.dims == ("record", "depth_y", "depth_x") and data.attrs["units"] == "m" and float(data.depth_y[0]) > 0

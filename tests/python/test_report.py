@@ -5,7 +5,6 @@ import base64
 import csv
 import json
 import os
-import shutil
 import signal
 import subprocess
 import time
@@ -21,7 +20,7 @@ from echofuse.report import blocks
 from echofuse.report import scores
 from echofuse.report import tables
 from echofuse.report.scores import Count, Means, Mean, ReportModel, Scores, sensors_of
-from fixtures import BIN, change, changed, model, program, scenes
+from fixtures import BIN, change, changed, json_of, model, outcome, program, scenes
 
 BIN = BIN.resolve()
 os.environ["ECHOFUSE_BIN"] = str(BIN)
@@ -29,7 +28,7 @@ os.environ["ECHOFUSE_BIN"] = str(BIN)
 
 def report(*words):
     """Runs echofuse-report. Returns its exit code and its output, including error messages."""
-    done = subprocess.run([BIN / "echofuse-report", *map(str, words)], capture_output=True, text=True, check=False)
+    done = outcome("echofuse-report", *words)
     return done.returncode, done.stdout + done.stderr
 
 
@@ -67,8 +66,7 @@ def messages_of(page):
 
 
 def evaluated(*words):
-    done = subprocess.run([BIN / "echofuse-recon", "-q", "evaluate", *map(str, words), "--json"], capture_output=True, text=True, check=True)
-    return json.loads(done.stdout)
+    return json_of("echofuse-recon", "-q", "evaluate", *words)
 
 
 def test_all_programs_widen_the_intervals_of_a_run_that_differs_by_the_same_factor(tmp_path):
@@ -283,7 +281,6 @@ def test_report_on_a_full_disk_or_after_sigterm_leaves_no_files(here, tmp_path):
     (["--run", "fresh.sqlite", "--model", "body", "--compare", "body", "spd"], 2, "--compare cannot be combined with --model"),
     (["--live", "fresh.sqlite", "--empty", "run.sqlite"], 2, "--empty requires --run"),
     (["--lvie", "fresh.sqlite"], 2, "--lvie"),
-    (["--live", "nofile"], 1, "nofile.sqlite: No such file or directory; expected a run file"),
     (["--run", "fresh.sqlite", "--model", "nomodel"], 1, "nomodel: No such file or directory; expected a model file"),
     (["--run", "fresh.sqlite", "--model", "run.sqlite"], 1, "run.sqlite: is a run; expected a model file"),
     (["--run", "fresh.sqlite", "--model", "mean", "--empty", "run.sqlite"], 1, "cannot be used in another room"),
@@ -424,7 +421,7 @@ def test_report_uses_training_runs_for_baselines_and_refuses_to_score_one(here, 
     refusals = [report(tmp_path / "no", "--run", here / "run.sqlite", *words)]
     for command in (["echofuse-recon", "evaluate", here / "body", here / "run.sqlite", "--train", here / "run.sqlite"],
                     ["echofuse-bench", "pareto", here / "run.sqlite", here / "run.sqlite", "--out", tmp_path / "table"]):
-        done = subprocess.run([BIN / command[0], *map(str, command[1:])], capture_output=True, text=True, check=False)
+        done = outcome(*command)
         refusals.append((done.returncode, done.stderr))
     assert [(code > 0, f"{here / 'run.sqlite'}: is a training run; score another run" in said) for code, said in refusals] == [(True, True)] * 3, refusals
 

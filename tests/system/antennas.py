@@ -15,6 +15,8 @@ import unittest
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
 import waiting
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "fixtures"))
+from fixtures import crc32c  # noqa: E402
 
 bin_dir = pathlib.Path(sys.argv[1]).resolve()
 cfg = pathlib.Path(__file__).resolve().parents[2] / "config/radar/xwr68xx_azimuth_50cm.cfg"
@@ -22,25 +24,6 @@ MAGIC = bytes((2, 1, 4, 3, 6, 5, 8, 7))
 WINDOW_S = 0.4
 BINS, KEPT, ANTENNAS = 64, 32, 8
 VALUES = ANTENNAS * ANTENNAS + 2 * ANTENNAS + 2
-
-
-def crc_table():
-    table = []
-    for n in range(256):
-        for _ in range(8):
-            n = n >> 1 ^ (0x82F63B78 if n & 1 else 0)
-        table.append(n)
-    return table
-
-
-TABLE = crc_table()
-
-
-def crc32c(data):
-    crc = 0xFFFFFFFF
-    for byte in data:
-        crc = crc >> 8 ^ TABLE[(crc ^ byte) & 0xFF]
-    return crc ^ 0xFFFFFFFF
 
 
 def frames_of(raw):
@@ -94,9 +77,7 @@ def statistics(frames, numbers, b):
 
 class Antennas(unittest.TestCase):
     def setUp(self):
-        folder = tempfile.TemporaryDirectory(prefix="echofuse-")
-        self.addCleanup(folder.cleanup)
-        self.dir = pathlib.Path(folder.name)
+        self.dir = pathlib.Path(self.enterContext(tempfile.TemporaryDirectory(prefix="echofuse-")))
 
     def record(self, count):
         done = waiting.run(

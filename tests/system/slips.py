@@ -19,7 +19,6 @@ recon trian | 2 | trian: no such command; the most similar name is train
 recon help train | 0 | train a model on one or more runs
 recon --help | 0 | evaluate
 recon train x --otu y | 2 | --otu: no such option; the most similar name is --out
-recon train nofile --out m | 1 | nofile.sqlite: No such file or directory; expected a run file
 recon evaluate nomodel norun | 1 | nomodel: No such file or directory; expected a model file
 recon compare three.toml | 1 | three.toml: expected columns record, name and iou, as written by evaluate --per-record
 recon train x --out m --model factorisd | 2 | factorisd
@@ -32,7 +31,6 @@ acquire run --meta x | 3 | no configuration
 acquire config check --config TEMPLATE | 3 | lab.toml:39:1: radar.cli: still contains the template's XXXXXXXX; echofuse-acquire devices prints
 acquire | 2 | a command is required
 acquire lst | 2 | lst: no such command; the most similar name is list
-acquire info nofile | 1 | nofile
 sim dataset --otu x | 2 | --otu: no such option; the most similar name is --out
 sim dataset --records 1e30 --out x | 2 | --records: Value 1e30 not in range 0 to 10000000
 sim dataset --out x --set spd_bins=3 | 3 | unknown key; the most similar known name is "bins"
@@ -50,8 +48,6 @@ recon train seen.sqlite --out m --set lossy=log | 3 | expected
 recon reconstruct seen.sqlite seen.sqlite --out maps | 1 | seen.sqlite: is a run; expected a model file
 recon reconstruct nomodel seen.sqlite --out maps --format gif | 2 | --format: gif not in {colour,mm,ply,npy,foreground,uncertainty}
 recon evaluate nomodel seen.sqlite --rows test | 2 | --rows requires --maps
-report page | 2 | nothing to report: give --run with models, or --live
-report page --model x | 2 | --model requires --run
 recon --threads many train x --out m | 2 | --threads
 sim dataset --out seen.sqlite --records 4 | 1 | seen.sqlite: exists
 sim dataset --out x --records 4 --people 1 | 2 | --records 4 differs from 1, the sum of the other record counts
@@ -77,13 +73,11 @@ acquire info dark.toml | 1 | dark.toml
 recon | 2 | subcommand
 recon train --out m | 2 | run
 recon train x --out m --inputs sonar | 2 | sonar
-recon train three.toml --out m | 1 | three.toml: not an echofuse run file
 recon train seen.sqlite --out no/such/m | 6 | no/such/m
 recon evaluate three.toml seen.sqlite | 1 | three.toml
 recon evaluate nomodel seen.sqlite --surprise | 2 | --surprise
 acquire config | 2 | subcommand is required
 acquire run --out a --duration -1h | 2 | positive
-acquire info three.toml | 1 | three.toml: not an echofuse run file
 sim dataset | 2 | --out
 sim dataset --out x --people 0 --letters 0 | 2 | no records
 sim dataset --out x --set irf_fwmh_ps=3 | 3 | irf_fwhm_ps
@@ -93,9 +87,7 @@ sim dataset --out x --set target_z_min_m=4.5 | 3 | target_z_min_m
 sim dataset --out x --config none.toml | 3 | none.toml
 sim dataset --out three.toml --records 1 | 1 | exists already
 sim dataset --out no/such/x --records 1 | 6 | no/such/x: its folder does not exist
-acquire info swapped.safetensors | 1 | swapped.safetensors: is a model; expected a run file
 recon evaluate seen.sqlite swapped.safetensors | 1 | seen.sqlite: is a run; expected a model file
-export swapped.safetensors --to x.h5 | 1 | swapped.safetensors: is a model; expected a run file
 bench run --version | 0 | echofuse-bench 0
 view seen.sqlite --model seen.sqlite | 1 | seen.sqlite: is a run; expected a model file
 export --version | 0 | echofuse-export 
@@ -109,7 +101,6 @@ acquire annotate seen.sqlite | 2 | expected either TEXT or --label TEXT
 acquire list nofolder | 1 | nofolder
 acquire devices --config closed.toml | 4 | Connection refused; is its bridge running? Start /
 """
-
 
 
 @functools.cache

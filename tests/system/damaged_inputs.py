@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Runs commands on malicious run files. Called as `tests/system/hostile_runs.py BIN_DIR [TEST]`. Each command must
-end soon, use little memory, print a single error line and return a documented exit code. Malicious strings from runs
-and devices must not affect a terminal or a spreadsheet."""
+"""Tests what each program answers to damaged, foreign and malicious run files. Called as `tests/system/damaged_inputs.py
+BIN_DIR [TEST]`. Each command must end soon, use little memory, print a single error line and return a documented exit
+code. Malicious strings from runs and devices must not affect a terminal or a spreadsheet."""
 import contextlib
 import json
 import os
@@ -23,6 +23,7 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "fixtures")
 import fixtures  # noqa: E402
 
 bin_dir = pathlib.Path(sys.argv[1]).resolve()
+PACKAGE = pathlib.Path(__file__).resolve().parents[2] / "recon/python"
 RECORDS = 12
 sanitized = b"__asan_init" in (bin_dir / "echofuse-acquire").read_bytes()
 # Time limit for each command in s. A command usually takes a fraction of a second.
@@ -46,7 +47,66 @@ def strange_name(run):
 
 
 def hostile(run, name, *values):
-    fixtures.change(run, name, *values, file="hostile.sql")
+    fixtures.change(run, name, *values, file="hostile.sql" if name in fixtures.changes("hostile.sql") else "damage.sql")
+
+
+def replaced_by(create):
+    """Returns a change that replaces the run by what `create` creates."""
+    def change(run):
+        run.unlink()
+        create(run)
+    return change
+
+
+# A user's script that reads all arrays of a run.
+READ = """
+import sys, echofuse
+try:
+    with echofuse.open(sys.argv[1]) as run:
+        run.spd, run.radar, run.depth, run.photons(), run.events()
+except (ValueError, OSError) as error:
+    sys.exit(str(error))
+"""
+ZONES = "table zone: expected at most 64 zones, each with a centre, a width and a time-zero offset"
+# Each row contains a change of a valid run, and the words that the error line of every reader must contain. Some readers
+# give other answers: other words, or "reads" if they accept the input.
+NOT_RUNS = [
+    (replaced_by(lambda run: run.write_text("no database, but long enough to be read as one " * 20)), "not an echofuse run file"),
+    (replaced_by(lambda run: run.write_bytes(struct.pack("<Q", 2) + b"{}")), "is a model; expected a run file"),
+    (replaced_by(os.mkfifo), "is a FIFO; expected a regular file", {"export python": "no such run file"}),
+    (replaced_by(os.mkdir), "is a folder; expected a regular file", {"export python": "is a folder; expected a run file",
+                                                                      "view": "the run does not exist yet"}),
+    (pathlib.Path.unlink, "No such file or directory; expected a run file", {"export python": "no such run file",
+                                                                             "view": "the run does not exist yet"}),
+    ("run format 2", "run format 2, expected 4; use the echofuse that recorded it"),
+    ("run format 3", "run format 3, expected 4; convert it: python3 -m echofuse.runs.convert OLD NEW"),
+    ("run format 5", "run format 5, expected 4; use a newer echofuse"),
+    ("table with a quotation mark", 'remove it with: DROP TABLE "m""y"'),
+]
+FOREIGN_TABLES = [
+    *((change, "expected only the tables of a run") for change in ("endless view", "endless view of events", "trigger", "index", "virtual table")),
+    (strange_name, "a\\x1b[31m\\nb"),
+    *((change, "its table event does not have the expected definition") for change in ("generated column", "default")),
+    *((change, "its table late does not have the expected definition") for change in ("check", "no rowid")),
+    ("no table of records", "has no table record"),
+]
+METADATA = [(("metadata of the run", text), "meta is not a JSON object of strings") for text in ("", "[", "[]", "{\"a\": 1}", "[" * 100000, "null", 7)]
+WRONG = {"export python": "and plausible positions", "note": "reads"}
+AXES = [
+    ("negative", "table axis: count is -1", WRONG), ("4e9", "has 4294967295 points", WRONG),
+    ("wrapped", "table axis: count is 4294967", WRONG), ("1e7", "do not fit into a file of", WRONG),
+    *((change, "expected finite numbers", WRONG) for change in ("words", "infinite", "no step", "tiny", "huge")),
+    ("8192 x 8192 pixels", "8192 points per record do not fit into a file of", {"export python note": "reads"}),
+    ("many", "more than 16 axes", {"export python note": "reads"}),
+]
+RECORD_NUMBERS = [(change, f"the record index {index} is out of order", {"info export python note": "reads"}) for change, index in (
+    ("one at the end", 9223372036854775807), ("all at the end", 9223372036854775796), ("far", 9007199254740993))]
+ZONE_TABLES = [
+    *((change, ZONES, {"note": "reads"}) for change in ("zone without x", "zone without y", "zone of width 0", "zone of infinite width",
+                                     "zone with an infinite time-zero offset", "a million zones")),
+    *((change, "record 0: spd has 12096 bytes, but its axis requires", {"info view report note": "reads", "export": "12 records are unreadable"})
+      for change in ("one more zone", "one more time bin")),
+]
 
 
 def pages_that_repeat(path, table):
@@ -76,21 +136,10 @@ def pages_that_repeat(path, table):
     path.write_bytes(data)
 
 
-def crc32c(data, value=0):
-    """Computes the CRC-32C in the same way as the package python3-crc32c."""
-    value ^= 0xffffffff
-    for byte in bytes(data):
-        value ^= byte
-        for _ in range(8):
-            value = value >> 1 ^ (0x82f63b78 if value & 1 else 0)
-    return value ^ 0xffffffff
-
-
-class HostileRuns(unittest.TestCase):
+class DamagedInputs(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        cls.folder = tempfile.TemporaryDirectory(prefix="echofuse-")
-        cls.dir = pathlib.Path(cls.folder.name)
+        cls.dir = pathlib.Path(cls.enterClassContext(tempfile.TemporaryDirectory(prefix="echofuse-")))
         cls.seed = cls.dir / "seed.sqlite"
         cls.model = cls.dir / "mean.h5"
         for command in (["sim", "dataset", "--out", cls.seed, "--people", RECORDS, "--seed", 7, "-q"],
@@ -102,16 +151,13 @@ class HostileRuns(unittest.TestCase):
         cls.shapes = dict(db.execute("SELECT name, count FROM axis"))
         db.close()
 
-    @classmethod
-    def tearDownClass(cls):
-        cls.folder.cleanup()
-
     def command(self, *words):
         out, err = self.dir / "out", self.dir / "err"
         began = time.monotonic()
         with open(out, "wb") as o, open(err, "wb") as e:
-            process = subprocess.Popen([str(bin_dir / f"echofuse-{words[0]}"), *map(str, words[1:])], stdout=o, stderr=e,
-                                       stdin=subprocess.DEVNULL, cwd=self.dir)
+            program = words[0] if words[0] == sys.executable else bin_dir / f"echofuse-{words[0]}"
+            process = subprocess.Popen(list(map(str, (program, *words[1:]))), stdout=o, stderr=e, stdin=subprocess.DEVNULL, cwd=self.dir,
+                                       env=os.environ | {"PYTHONPATH": str(PACKAGE)})
             while True:
                 pid, status, usage = os.wait4(process.pid, os.WNOHANG)
                 if pid:
@@ -131,9 +177,10 @@ class HostileRuns(unittest.TestCase):
             self.assertEqual(said.count(b"\n"), 1, (words, said))
         return process.returncode, out.read_bytes(), said.decode()
 
-    def make(self, change):
+    def make(self, change, seed=None):
         run = self.dir / "run.sqlite"
-        shutil.copy(self.seed, run)
+        run.rmdir() if run.is_dir() else run.unlink(missing_ok=True)
+        shutil.copy(seed or self.seed, run)
         if callable(change):
             change(run)
         elif change:
@@ -144,50 +191,55 @@ class HostileRuns(unittest.TestCase):
         """Runs commands on a run file and returns the exit code of each command."""
         d, codes, self.said = self.dir, {}, ""
         commands = {"info": ["acquire", "info", run], "json": ["acquire", "info", run, "--json"],
-                    "export": ["export", run, "--to", d / "x.h5"],
+                    "export": ["export", run, "--to", d / "x.h5"], "python": [sys.executable, "-c", READ, run],
+                    "view": ["view", run, "--save", d / "x.html"], "report": ["report", d / "page", "--live", run],
                     "csv": ["export", run, "--record", 3, "--to", d / "x.csv"],
                     "evaluate": ["recon", "evaluate", self.model, run, "--all"],
                     "reconstruct": ["recon", "reconstruct", self.model, run, "--out", d / "maps", "--format", "mm"],
                     "train": ["recon", "train", run, "--out", d / "x.model.h5", "--model", "mean", "-q"],
                     "label": ["acquire", "annotate", run, "--label", "hello"], "note": ["acquire", "annotate", run, "hello"]}
-        for name in only or ():
-            self.assertIn(name, commands)
-        commands = {name: words for name, words in commands.items() if not only or name in only}
-        for name, words in commands.items():
-            before = run.read_bytes()
+        for name in only or ("info", "json", "export", "csv", "evaluate", "reconstruct", "train", "label", "note"):
+            words = commands[name]
+            before = run.read_bytes() if run.is_file() else None
             codes[name], out, said = self.command(*words)
             self.said += said
             if name == "json" and codes[name] == 0:
                 json.loads(out.decode("utf-8"))
-            if name != "note":
+            if name != "note" and before is not None:
                 self.assertEqual(run.read_bytes(), before, f"{name} changed the run")
-            for left in (d / "x.h5", d / "x.csv", d / "x.model.h5"):
+            for left in (d / "x.h5", d / "x.csv", d / "x.model.h5", d / "x.html"):
                 left.unlink(missing_ok=True)
-            shutil.rmtree(d / "maps", ignore_errors=True)
+            for left in "maps", "page":
+                shutil.rmtree(d / left, ignore_errors=True)
         return codes
 
-    def refused(self, cases, *commands):
-        for change, why in cases.items():
-            with self.subTest(change):
-                codes = self.attack(self.make(change), "info", "export", "reconstruct", *commands)
-                # The Python export may succeed, because it reads a smaller part of the file than the other commands.
-                self.assertIn(codes.pop("export"), (0, 1, 5))
-                self.assertTrue(all(c == 1 for c in codes.values()), (codes, self.said))
-                self.assertIn(why, self.said)
+    def check(self, rows, seed=None):
+        for change, words, *others in rows:
+            run = self.make(change, seed)
+            answers = {reader: answer for names, answer in (others[0] if others else {}).items() for reader in names.split()}
+            for reader in ("info", "train", "view", "report", "export", "python", "note"):
+                with self.subTest(change, reader=reader):
+                    code, expected = self.attack(run, reader)[reader], answers.get(reader, words)
+                    self.assertEqual(code, 0 if expected == "reads" else 5 if "unreadable" in expected else 1, self.said)
+                    self.assertIn("" if expected == "reads" else expected, self.said)
+
+    def test_programs_refuse_files_that_are_not_runs(self):
+        self.check(NOT_RUNS)
+
+    def test_programs_refuse_a_run_with_an_invalid_zone_table(self):
+        seed = self.dir / "zones.sqlite"
+        self.command("sim", "dataset", "--out", seed, "--people", RECORDS, "--seed", 7, "-q", "--set", "spd_zones=3")
+        self.check(ZONE_TABLES, seed)
 
     def test_all_commands_read_a_valid_run(self):
         codes = self.attack(self.make(""))
         self.assertEqual({n: c for n, c in codes.items() if c}, {"label": 1}, (codes, self.said))
 
-    def test_commands_refuse_a_run_with_foreign_tables(self):
-        only = "expected only the tables of a run"
-        self.refused({
-            **dict.fromkeys(("endless view", "endless view of events", "trigger", "index", "virtual table"), only),
-            strange_name: "a\\x1b[31m\\nb",
-            **dict.fromkeys(("generated column", "default"), "its table event does not have the expected definition"),
-            **dict.fromkeys(("check", "no rowid"), "its table late does not have the expected definition"),
-            "no table of records": "has no table record",
-        }, "note")
+    def test_programs_refuse_a_run_with_foreign_tables(self):
+        self.check(FOREIGN_TABLES)
+
+    def test_programs_refuse_a_run_with_invalid_metadata(self):
+        self.check(METADATA)
 
     def test_commands_refuse_a_run_with_corrupt_database_pages(self):
         for table in ("record", "event", "run", "axis", "sqlite_schema"):
@@ -205,12 +257,8 @@ class HostileRuns(unittest.TestCase):
                 # `info` reads only one row of the table `run`.
                 self.assertEqual(codes["info"], 0 if table == "run" else 1, self.said)
 
-    def test_commands_refuse_a_run_with_invalid_axes(self):
-        self.refused({
-            "negative": "table axis: count is -1", "4e9": "has 4294967295 points", "wrapped": "table axis: count is 4294967",
-            **dict.fromkeys(("words", "infinite", "no step", "tiny", "huge"), "expected finite numbers"),
-            "1e7": "do not fit into a file of", "8192 x 8192 pixels": "8192 points per record do not fit into a file of",
-            "many": "more than 16 axes"})
+    def test_programs_refuse_a_run_with_invalid_axes(self):
+        self.check(AXES)
         codes = self.attack(self.make("empty axes"))
         self.assertEqual((codes["info"], codes["export"], codes["csv"]), (0, 5, 1), self.said)
         codes = self.attack(self.make("a million time bins"), "info", "export", "csv", "reconstruct")
@@ -236,18 +284,8 @@ class HostileRuns(unittest.TestCase):
         codes = self.attack(self.make(depth(good)), "export", "csv")
         self.assertEqual((codes["export"], codes["csv"]), (0, 0), self.said)
 
-    def test_commands_refuse_a_run_with_invalid_metadata(self):
-        for text in ("", "[", "[]", "{\"a\": 1}", "[" * 100000, "null"):
-            with self.subTest(text[:9]):
-                self.refused({lambda run, meta=text: fixtures.change(run, "metadata of the run", meta): "meta is not a JSON object of strings"})
-
-    def test_commands_refuse_a_run_with_invalid_record_numbers(self):
-        for change, why in {"one at the end": "9223372036854775807", "all at the end": "damaged: the record index",
-                            "far": "9007199254740993"}.items():
-            with self.subTest(change):
-                codes = self.attack(self.make(change))
-                self.assertEqual(codes["reconstruct"], 1, self.said)
-                self.assertIn(why, self.said)
+    def test_programs_refuse_a_run_with_invalid_record_numbers(self):
+        self.check(RECORD_NUMBERS)
         codes = self.attack(self.make("negative record numbers"))
         self.assertEqual((codes["info"], codes["export"]), (1, 1), self.said)
 
@@ -279,7 +317,7 @@ class HostileRuns(unittest.TestCase):
         sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "scripts/bridges"))
         import bridge
         import pack
-        pack.crc32c = crc32c
+        pack.crc32c = fixtures.crc32c
         server, over = bridge.Server(("127.0.0.1", 0)), threading.Event()
 
         def send():
@@ -317,4 +355,4 @@ class HostileRuns(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    unittest.main(argv=[sys.argv[0], *(f"HostileRuns.{name}" for name in sys.argv[2:])])
+    unittest.main(argv=[sys.argv[0], *(f"DamagedInputs.{name}" for name in sys.argv[2:])])
