@@ -17,9 +17,7 @@ examples = source / "recon/examples"
 
 class Examples(unittest.TestCase):
     def setUp(self):
-        folder = tempfile.TemporaryDirectory(prefix="echofuse-examples-")
-        self.addCleanup(folder.cleanup)
-        self.dir = pathlib.Path(folder.name)
+        self.dir = pathlib.Path(self.enterContext(tempfile.TemporaryDirectory(prefix="echofuse-examples-")))
 
     def call(self, *words, ok=(0,)):
         done = subprocess.run(list(map(str, words)), cwd=self.dir, capture_output=True, text=True, timeout=60, env=os.environ | {
