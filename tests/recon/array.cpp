@@ -33,7 +33,7 @@ std::vector<float> point(const record::Antennas& antennas, double u, double v, f
 void write_plates(const std::string& path, std::int64_t count, std::uint64_t seed,
                   const Change& change = {}, double wrong_offset_m = 0) {
   a_run(count, seed, change)
-      .calibration({Sensor::radar, "2026-01-01T00:00:00Z", "", 1, wrong_offset_m, 0.001})
+      .offset(Sensor::radar, wrong_offset_m, 0.001)
       .antennas(line)
       .write(path);
 }
@@ -59,20 +59,12 @@ std::vector<float> body_lags(double range_m, double u) {
   return out;
 }
 
-TrainOptions factorised() {
-  TrainOptions options;
-  options.model = "factorised-4", options.fit.quiet = true, options.uncertainty = false;
-  options.fit.epochs = 30;
-  return options;
-}
+TrainOptions factorised() { return quiet_options("factorised-4", 30); }
 
 double iou_of(const TrainedModel& model, const std::string& path) {
   Dataset data = load({path});
   model.match(data);
-  const Rows rows = all_rows(data.size());
-  return summarise(
-             score_maps(model.predict(data, rows), data, rows, model.first().scene))[metric_iou]
-      .mean;
+  return scores_of(model, data)[metric_iou].mean;
 }
 
 }  // namespace
@@ -158,7 +150,7 @@ TEST_CASE("array features rotated by an angle equal those of a body at that angl
 }
 
 TEST_CASE("a model trained with antenna samples requires such samples and tolerates a range bias") {
-  const Folder dir;
+  const ReconFolder dir;
   write_plates(dir / "train", 500, 1);
   write_plates(dir / "fresh", 60, 2);
   write_plates(dir / "biased", 60, 2, {}, 0.1);
@@ -179,9 +171,8 @@ TEST_CASE("a model trained with antenna samples requires such samples and tolera
   CHECK(iou_of(one_antenna, dir / "profile") == iou_of(one_antenna, dir / "fresh"));
   CHECK(iou_of(loaded, dir / "biased") > 0.9 * iou);
   CHECK(iou_of(one_antenna, dir / "biased") < 0.5 * iou);
-  const auto refused = recon_program("evaluate " + dir / "model.h5" + " " + dir / "profile");
-  CHECK(refused.code == 1);
-  CHECK_THAT(refused.text, Catch::Contains("contains no radar antenna samples"));
+  CHECK_THAT(dir.done("evaluate model.h5 profile", 1),
+             Catch::Contains("contains no radar antenna samples"));
 }
 
 TEST_CASE("records with wrong antenna metadata are flagged as out of distribution") {
@@ -190,14 +181,9 @@ TEST_CASE("records with wrong antenna metadata are flagged as out of distributio
   write_plates(dir / "fresh", 200, 2);
   TrainOptions options = factorised();
   options.uncertainty = true, options.split.validation_share = 0.3, options.fit.epochs = 2;
-  save_model(train(load({dir / "train"}), options), dir / "model.h5");
-  const TrainedModel model = load_model(dir / "model.h5");
+  const TrainedModel model = train(load({dir / "train"}), options);
   const auto flagged = [&] {
-    const Dataset data = load({dir / "fresh"});
-    double count = 0;
-    for (const auto& u : predict(model, data, all_rows(200)).uncertainties)
-      count += !u.out_of_distribution.reason.empty();
-    return count / 200;
+    return share_flagged(predict(model, load({dir / "fresh"}), all_rows(200)).uncertainties);
   };
   CHECK(flagged() < 0.04);
   damage(dir / "fresh", "antennas are shifted by 4 places");
@@ -212,7 +198,7 @@ TEST_CASE(
   write_plates(dir / "train", 200, 1);
   write_plates(dir / "fresh", 6, 2, [](FusedRecord& r) {
     if (r.index >= 2) antenna_data(r).clear(), r.array_frames = 0;
-    if (r.index == 4) power(r).clear(), r.valid.erase(Sensor::radar);
+    if (r.index == 4) lose(r, Sensor::radar);
   });
   a_run(6, 2).write(dir / "old");
   TrainOptions options = factorised();
@@ -248,36 +234,24 @@ TEST_CASE(
 }
 
 TEST_CASE("a model uses only the range profile if a run has no antennas or different antennas") {
-  const Folder dir;
-  write_plates(dir / "new", 60, 1, [](record::FusedRecord&) {});
-  write_plates(dir / "fresh", 8, 2, [](record::FusedRecord&) {});
+  const ReconFolder dir;
+  write_plates(dir / "new", 60, 1), write_plates(dir / "fresh", 8, 2);
   a_run(60, 3).write(dir / "old");
   a_run(8, 3).antennas({line.begin(), line.begin() + 4}).write(dir / "four");
-  const auto train = [&](const std::string& rest) {
-    const Outcome o = recon_program("train --model factorised --epochs 3 " + rest);
-    CAPTURE(rest, o.text);
-    REQUIRE(o.code == 0);
-    return o.text;
-  };
-  train("-q " + (dir / "new") + " --out " + (dir / "a.h5"));
-  CHECK(recon_program("evaluate --json " + (dir / "a.h5") + " " + (dir / "fresh")).code == 0);
+  const std::string train = "train --model factorised --epochs 3 ";
+  dir.done(train + "-q new --out a.h5");
+  dir.done("evaluate --json a.h5 fresh");
   for (const auto& [run, why] : {std::pair{"old", "contains no radar antenna samples"},
                                  std::pair{"four", "antennas differ from those in training"}}) {
-    const std::string files = (dir / "a.h5") + " " + (dir / run);
-    const Outcome o = recon_program("evaluate " + files);
-    CHECK(o.code == 0);
-    CHECK_THAT(o.text, Catch::Contains(why) && Catch::Contains("factorised fused-profile"));
-    const Outcome maps =
-        recon_program("reconstruct -q " + files + " --out " + (dir / run) + "-maps");
-    CHECK(maps.code == 0);
-    CHECK_THAT(maps.text, Catch::Contains(std::string(why) + ": only the radar's range profile"));
+    const std::string files = std::string("a.h5 ") + run;
+    CHECK_THAT(dir.done("evaluate " + files),
+               Catch::Contains(why) && Catch::Contains("factorised fused-profile"));
+    CHECK_THAT(dir.done("reconstruct -q --force --out maps " + files),
+               Catch::Contains(std::string(why) + ": only the radar's range profile"));
   }
-  CHECK_THAT(train((dir / "new") + " " + (dir / "old") + " --out " + (dir / "b.h5")),
+  CHECK_THAT(dir.done(train + "new old --out b.h5"),
              Catch::Contains("the radar antennas differ between the runs"));
-  train("-q --inputs fused-profile " + (dir / "new") + " --out " + (dir / "c.h5"));
-  for (const char* model : {"b.h5", "c.h5"})
-    for (const char* run : {"fresh", "old"})
-      CHECK(recon_program("reconstruct -q --force " + (dir / model) + " " + (dir / run) +
-                          " --out " + (dir / "maps"))
-                .code == 0);
+  dir.done(train + "-q --inputs fused-profile new --out c.h5");
+  for (const std::string files : {"b.h5 fresh", "b.h5 old", "c.h5 fresh", "c.h5 old"})
+    dir.done("reconstruct -q --force --out maps " + files);
 }

@@ -79,29 +79,27 @@ TEST_CASE("model selection chooses the cheapest model within one standard error 
 }
 
 TEST_CASE("train --model auto marks the chosen model in a table and refuses unknown candidates") {
-  const Folder dir;
+  const ReconFolder dir;
   a_run(160).write(dir / "run");
   const Outcome o =
-      recon_program("train --model auto --set candidates=empty,mean,mean-shape,nearest --out " +
-                    (dir / "m.h5") + " " + (dir / "run"));
+      dir.recon("train --model auto --set candidates=empty,mean,mean-shape,nearest --out m.h5 run");
   CAPTURE(o.text);
   REQUIRE(o.code == 0);
   CHECK_THAT(o.text, Catch::Contains("<- chosen"));
   CHECK_THAT(o.text, Catch::Contains("mean-shape on fused"));
-  const Outcome bad = recon_program("train --model auto --set candidates=empty,oracle --out " +
-                                    (dir / "m.h5") + " " + (dir / "run"));
-  CHECK(bad.code == 2);
-  CHECK_THAT(bad.text, Catch::Contains("oracle"));
+  CHECK_THAT(dir.done("train --model auto --set candidates=empty,oracle --out m.h5 run", 2),
+             Catch::Contains("oracle"));
 }
 
 TEST_CASE("train --model auto does not use the test records to choose the model") {
-  const Folder dir;
+  const ReconFolder dir;
   // Returns the table of candidates without the training times.
   const auto table = [&](const std::string& name, const Change& change) {
     a_run(160, 1, change).write(dir / name);
-    const Outcome o = recon_program(
-        "train --model auto --split blocked --set candidates=empty,mean,mean-shape,nearest --out " +
-        (dir / "m-") + name + " " + (dir / name));
+    const Outcome o = dir.recon(
+        "train --model auto --split blocked --set candidates=empty,mean,mean-shape,nearest --out "
+        "m-" +
+        name + " " + name);
     CAPTURE(o.text);
     REQUIRE(o.code == 0);
     std::string rows;
@@ -125,17 +123,14 @@ TEST_CASE("train --model auto does not use the test records to choose the model"
 }
 
 TEST_CASE("cross-validation of a sequence keeps the gap between training and test records") {
-  const Folder dir;
-  a_run(120).write(dir / "run");
-  Dataset data = load({dir / "run"});
+  const Dataset data = load_plates(120);
   const Rows once = rows_to_train(data, Inputs::fused).rows;
   // Each record occurs 15 times in a row, so the borders of the folds at rows 22, 45 and 67 of 90
   // lie within such a group, except for the second one.
   Rows held;
   for (std::size_t i = 0; i < 6; ++i) held.insert(held.end(), 15, once[i]);
-  TrainOptions options;
-  options.candidates = {"nearest"};
-  options.split.kind = "blocked", options.fit.quiet = true;
+  TrainOptions options = quiet_options("auto");
+  options.candidates = {"nearest"}, options.split.kind = "blocked";
   const auto iou = [&](std::size_t gap) {
     options.split.gap = gap;
     return crossvalidate(data, held, options).front().metrics[metric_iou].mean;
@@ -187,25 +182,22 @@ TEST_CASE("the standard error for a sequence of similar records is computed betw
 }
 
 TEST_CASE("blocked cross-validation does not treat repeated records of one pose as independent") {
-  const Folder dir;
-  a_run(120).write(dir / "run");
-  Dataset data = load({dir / "run"});
+  const Dataset data = load_plates(120);
   const Rows once = rows_to_train(data, Inputs::fused).rows;
   // `held` contains each record five times in a row.
   Rows held;
   for (std::size_t i = 0; i < 24; ++i) held.insert(held.end(), 5, once[i]);
-  TrainOptions options;
-  options.candidates = {"mean-shape"};
-  options.split.kind = "blocked", options.split.gap = 5;
-  options.fit.quiet = true;
-  const double folds = crossvalidate(data, held, options).front().metrics[metric_iou].se;
-  options.split.kind = "random";
-  const double maps = crossvalidate(data, held, options).front().metrics[metric_iou].se;
-  CHECK(folds > 1.5 * maps);
+  TrainOptions options = quiet_options("auto");
+  options.candidates = {"mean-shape"}, options.split.gap = 5;
+  const auto error = [&](const char* split) {
+    options.split.kind = split;
+    return crossvalidate(data, held, options).front().metrics[metric_iou].se;
+  };
+  CHECK(error("blocked") > 1.5 * error("random"));
 }
 
 TEST_CASE("train warns if a network is never better than the mean map") {
-  const Folder dir;
+  const ReconFolder dir;
   a_run(160).write(dir / "moving");
   // All maps of this run are equal, so the mean map predicts them without error.
   a_run(160, 1, [](FusedRecord& r) {
@@ -213,8 +205,7 @@ TEST_CASE("train warns if a network is never better than the mean map") {
     std::fill_n(depth_mm(r).begin() + 1000, 1000, std::uint16_t{3000});
   }).write(dir / "still");
   const auto train = [&](const std::string& run) {
-    return recon_program("train --model mlp-64 --epochs 20 --out " + (dir / "of-") + run + " " +
-                         (dir / run));
+    return dir.recon("train --model mlp-64 --epochs 20 --out of-" + run + " " + run);
   };
   const Outcome still = train("still"), moving = train("moving");
   CHECK(still.code == 0);

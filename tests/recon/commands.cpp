@@ -28,62 +28,51 @@ bool catches_interrupts(pid_t process) {
   return std::stoull(status.substr(at + 7), nullptr, 16) & 2u;
 }
 
-constexpr const char* quick = " -q --model mlp-32-16 --epochs 30";
-
 }  // namespace
 
 TEST_CASE("echofuse-recon prints its help and its version") {
-  const Outcome version = recon_program("--version");
-  CHECK(version.code == 0);
-  CHECK_THAT(version.text, Catch::Matches("echofuse-recon [0-9.]+ \\(([0-9a-f]+\\+?|commit "
-                                          "unknown)\\), [A-Z0-9-]+, matrix (.|\n)*"));
-  const Outcome help = recon_program("--help");
-  CHECK(help.code == 0);
+  const ReconFolder dir;
+  CHECK_THAT(dir.done("--version"),
+             Catch::Matches("echofuse-recon [0-9.]+ \\(([0-9a-f]+\\+?|commit "
+                            "unknown)\\), [A-Z0-9-]+, matrix (.|\n)*"));
   for (const char* command : {"train", "evaluate", "reconstruct"})
-    CHECK_THAT(help.text, Catch::Contains(command));
+    CHECK_THAT(dir.done("--help"), Catch::Contains(command));
 }
 
 TEST_CASE("train refuses a data set that exceeds the memory before reading it") {
-  const Folder dir;
+  const ReconFolder dir;
   a_run(3).write(dir / "run");
   const auto pages = static_cast<double>(sysconf(_SC_PHYS_PAGES));
   const auto records = pages * static_cast<double>(sysconf(_SC_PAGESIZE)) / 25e3;
-  const auto add_records = [&](double until) {
-    damage(dir / "run", "?1 empty records from 1000 on", {std::llround(until)});
-  };
-  add_records(records);
-  refuses("train " + (dir / "run") + " --out " + (dir / "m"), 1,
-          "of memory, but this machine has ");
+  damage(dir / "run", "?1 empty records from 1000 on", {std::llround(records)});
+  dir.refuses("train run --out m", 1, "of memory, but this machine has ");
   damage(dir / "run", "without the records after ?1", {1000});
-  CHECK(recon_program("train -q --model mean " + (dir / "run") + " --out " + (dir / "m")).code ==
-        0);
+  dir.done("train -q --model mean run --out m");
 }
 
 TEST_CASE("too few records, damaged records or different axes cause a one-line error") {
-  const Folder dir;
+  const ReconFolder dir;
   a_run(1).write(dir / "one");
-  refuses("train " + (dir / "one") + " --out " + (dir / "m"), 1, "1 usable records");
+  dir.refuses("train one --out m", 1, "1 usable records");
   a_run(8, 1, [](FusedRecord& r) {
     if (r.index == 6) power(r)[0] = std::numeric_limits<float>::infinity();
   }).write(dir / "bad");
-  refuses("train " + (dir / "bad") + " --out " + (dir / "m"), 1, "record 6");
+  dir.refuses("train bad --out m", 1, "record 6");
   CHECK_FALSE(std::filesystem::exists(dir / "m"));
   const std::string model = made_model("ridge", 40);
   a_run(4).radar({"radar", "power", "m", 24, 0, 0.3, 1}).write(dir / "other");
-  refuses("evaluate " + model + " " + (dir / "other"), 1, "radar axis");
-  refuses("reconstruct " + model + " " + (dir / "other") + " --out " + (dir / "o"), 1,
-          "radar axis");
-  refuses("evaluate " + model + " " + (dir / "bad"), 1, "record 6");
+  dir.refuses("evaluate " + model + " other", 1, "radar axis");
+  dir.refuses("reconstruct " + model + " other --out o", 1, "radar axis");
+  dir.refuses("evaluate " + model + " bad", 1, "record 6");
   a_run(1, 2).write(dir / "one more");
-  CHECK(recon_program("evaluate " + model + " '" + (dir / "one more") + "'").code == 0);
+  dir.done("evaluate " + model + " 'one more'");
 }
 
 TEST_CASE("evaluate --json prints all metrics and costs") {
-  const Folder dir;
+  const ReconFolder dir;
   a_run(120).write(dir / "run");
-  REQUIRE(recon_program("train " + (dir / "run") + " --out " + (dir / "m") + quick).code == 0);
-  const auto json = nlohmann::json::parse(
-      recon_program("evaluate --json " + (dir / "m") + " " + (dir / "run")).text);
+  dir.done("train run --out m -q --model mlp-32-16 --epochs 30");
+  const auto json = dir.json("evaluate m run");
   CHECK(json["model"] == "mlp");
   CHECK(json["inputs"] == "fused");
   CHECK(json["records"] == 12);
@@ -101,67 +90,55 @@ TEST_CASE("evaluate --json prints all metrics and costs") {
   // The run "fresh" has no training records among which to search for the nearest neighbour. The
   // option --train supplies such records.
   a_run(20, 3).write(dir / "fresh");
-  const std::string fresh = "evaluate --json " + (dir / "m") + " " + (dir / "fresh");
-  CHECK(nlohmann::json::parse(recon_program(fresh).text)["trivial"].size() == 2);
-  const auto lent = nlohmann::json::parse(recon_program(fresh + " --train " + (dir / "run")).text);
+  const std::string fresh = "evaluate --json m fresh";
+  CHECK(dir.json(fresh)["trivial"].size() == 2);
+  const auto lent = dir.json(fresh + " --train run");
   CHECK(lent["trivial"].size() == 3);
   CHECK(lent["records"] == 20);
 }
 
 TEST_CASE("reconstruct continues after a damaged record") {
-  const Folder dir;
-  const std::string run = made_run(60);
+  const ReconFolder dir;
   const std::string model = made_model("ridge", 60);
   a_run(6, 2, [](FusedRecord& r) {
     if (r.index == 1) power(r)[5] = std::numeric_limits<float>::quiet_NaN();
-    if (r.index == 3) r.valid.erase(Sensor::spd), counts(r).clear();
-    if (r.index == 4)
-      // The ground-truth map is missing, as it would be in live use.
-      r.valid.erase(Sensor::depth), depth_mm(r).clear();
+    if (r.index == 2) std::ranges::fill(power(r), 0.25f);
+    if (r.index == 3) lose(r, Sensor::spd);
+    // The ground-truth map is missing, as it would be in live use.
+    if (r.index == 4) lose(r, Sensor::depth);
   }).write(dir / "mixed");
-  const Outcome o =
-      recon_program("reconstruct " + model + " " + (dir / "mixed") + " --out " + (dir / "maps"));
-  CHECK(o.code == 5);
-  CHECK_THAT(o.text, Catch::Contains("record 1") && Catch::Contains("record 3"));
+  CHECK_THAT(dir.done("reconstruct " + model + " mixed --out maps", 5),
+             Catch::Contains("record 1") && Catch::Contains("record 3") &&
+                 Catch::Contains("record 2: radar is the same in every bin"));
   const std::string csv = contents(dir / "maps/records.csv");
   CHECK(std::count(csv.begin(), csv.end(), '\n') == 7);
   CHECK_THAT(csv, Catch::Contains("\n0,\"ok\"") && Catch::Contains("\n4,\"ok\""));
   CHECK_FALSE(std::filesystem::exists(dir / "maps/000001.png"));
   CHECK(std::filesystem::exists(dir / "maps/000004.png"));
-  const std::string png = contents(dir / "maps/000000_mm.png");
-  const Bytes bytes(png.begin(), png.end());
-  const auto mm = recon::decode_png16(bytes, 64, 64);
+  const auto mm = picture(dir / "maps/000000_mm.png");
   REQUIRE(mm.size() == 4096);
-  CHECK(*std::max_element(mm.begin(), mm.end()) > 1500);
-  CHECK(
-      recon_program("reconstruct -q --format mm " + model + " " + run + " --out " + (dir / "good"))
-          .code == 0);
+  CHECK(std::ranges::max(mm) > 1500);
+  dir.done("reconstruct -q --format mm " + model + " " + made_run(60) + " --out good");
   CHECK_FALSE(std::filesystem::exists(dir / "good/000000.png"));
 }
 
 TEST_CASE("models with different sensors are compared only on records that all of them can use") {
-  const Folder dir;
+  const ReconFolder dir;
   a_run(120).radar(radar_axis(32)).write(dir / "run");
   const auto train = [&](const std::string& name, const std::string& rest) {
-    REQUIRE(recon_program("train -q --model ridge --set fallback=false " + (dir / "run") +
-                          " --out " + (dir / name) + rest)
-                .code == 0);
-    return (dir / name) + " ";
+    dir.done("train -q --model ridge --set fallback=false run --out " + name + rest);
+    return name + " ";
   };
   const std::string models = train("fused", " --set radar_bin_m=0.5") +
                              train("spd", " --inputs spd") + train("radar", " --inputs radar");
   a_run(60, 8,
         [](FusedRecord& r) {
-          if (r.index % 4 == 0) power(r).clear(), r.valid.erase(Sensor::radar);
+          if (r.index % 4 == 0) lose(r, Sensor::radar);
         })
       .radar(radar_axis(32))
       .write(dir / "fresh");
   const auto assessed = [&](const std::string& words) {
-    const Outcome o = recon_program("-q evaluate --json " + words + (dir / "fresh") +
-                                    " --per-record " + (dir / "table.csv"));
-    CAPTURE(o.text);
-    REQUIRE(o.code == 0);
-    return nlohmann::json::parse(o.text);
+    return dir.json("evaluate " + words + "fresh --per-record table.csv");
   };
   const nlohmann::json all = assessed(models);
   for (const auto& row : all["rows"]) CHECK(row["records"] == 45);
@@ -171,8 +148,7 @@ TEST_CASE("models with different sensors are compared only on records that all o
   CHECK(std::count(table.begin(), table.end(), '\n') == 1 + 3 * 45);
   // `compare` must compute the same differences as `evaluate`. It reads the scores of each record
   // from a table.
-  const nlohmann::json methods =
-      nlohmann::json::parse(recon_program("compare --json " + (dir / "table.csv")).text)["methods"];
+  const nlohmann::json methods = dir.json("compare table.csv")["methods"];
   REQUIRE(methods.size() == 3);
   for (const char* key : {"mean", "low", "high"})
     CHECK(methods[2]["difference"]["iou"][key].get<double>() ==
@@ -182,63 +158,46 @@ TEST_CASE("models with different sensors are compared only on records that all o
   CHECK((iou["low"] < mean && mean < iou["high"]));
   // A model that uses only the SPD can evaluate all 60 records. If a model is compared with itself,
   // both scores are equal.
-  CHECK(assessed(dir / "spd ")["records"] == 60);
-  const nlohmann::json twice = assessed((dir / "fused ") + (dir / "fused "));
+  CHECK(assessed("spd ")["records"] == 60);
+  const nlohmann::json twice = assessed("fused fused ");
   CHECK(twice["rows"][0]["metrics"] == twice["rows"][1]["metrics"]);
-  CHECK(twice["metrics"] == assessed(dir / "fused ")["metrics"]);
+  CHECK(twice["metrics"] == assessed("fused ")["metrics"]);
   CHECK(twice["paired"][0]["metrics"]["iou"]["high"] == 0);
 }
 
 TEST_CASE(
     "compare averages the lines of each record and refuses lines that have no record number") {
-  const Folder dir;
-  const std::string path = dir / "table.csv";
-  std::ofstream(path) << "record,name,iou,lateral_m\n7,a,0.2,\n7,a,0.4,0.1\n8,a,0.5,\n";
-  const nlohmann::json a =
-      nlohmann::json::parse(recon_program("compare --json " + path).text)["methods"][0];
+  const ReconFolder dir;
+  std::ofstream(dir / "a.csv") << "record,name,iou,lateral_m\n7,a,0.2,\n7,a,0.4,0.1\n8,a,0.5,\n";
+  const nlohmann::json a = dir.json("compare a.csv")["methods"][0];
   CHECK(a["records"] == 2);
   CHECK(a["metrics"]["iou"]["mean"].get<double>() == Approx(0.4));
   CHECK(a["metrics"]["lateral_m"]["records"] == 1);
-  std::ofstream(path) << "record,name,iou\n7,a,0.2\n,a,0.4\n";
-  const auto o = recon_program("compare " + path);
-  CHECK(o.code == 1);
-  CHECK(o.text.find("a line contains no record index") != std::string::npos);
+  std::ofstream(dir / "b.csv") << "record,name,iou\n7,a,0.2\n,a,0.4\n";
+  dir.refuses("compare b.csv", 1, "a line contains no record index");
 }
 
 TEST_CASE("the nearest-neighbour baseline does not depend on the evaluated model") {
+  const ReconFolder dir;
   const auto nearest = [&](const std::string& kind, Words words) {
     words.insert(words.end(), {"--set", "fallback=false"});
-    const Outcome o =
-        recon_program("evaluate --json " + made_model(kind, 100, 1, words) + " " + made_run(100));
-    return nlohmann::json::parse(o.text)["trivial"]["nearest"];
+    return dir.json("evaluate " + made_model(kind, 100, 1, words) + " " +
+                    made_run(100))["trivial"]["nearest"];
   };
   const auto record = nearest("ridge", {});
   CHECK(nearest("ridge", {"--inputs", "spd"}) == record);
   CHECK(nearest("factorised-4", {"--epochs", "2"}) == record);
 }
 
-TEST_CASE("train refuses to overwrite its input run") {
-  const Folder dir;
-  a_run(60).write(dir / "run");
-  const auto refused = [](const std::string& arguments, const std::string& why) {
-    const Outcome o = recon_program(arguments);
-    CAPTURE(o.text);
-    CHECK(o.code == 2);
-    CHECK_THAT(o.text, Catch::Contains(why));
-  };
-  refused("train " + (dir / "run") + " --model mean --out " + (dir / "run"), "the file exists");
-  CHECK(recon::load({dir / "run"}).size() == 60);
-}
-
 TEST_CASE("interrupted training saves the best model so far") {
-  const Folder dir;
+  const ReconFolder dir;
   a_run(200).write(dir / "run");
   const std::string run = dir / "run", model = dir / "m";
   const pid_t child = start_recon({"train", run, "--out", model, "-q", "--epochs", "100000"});
   while (!catches_interrupts(child)) ::usleep(10'000);
   ::usleep(500'000);
-  CHECK(interrupted_code(child) == 130);
-  CHECK(recon_program("evaluate " + model + " " + run).code == 0);
+  CHECK(exit_code(child, SIGINT) == 130);
+  dir.done("evaluate " + model + " " + run);
 }
 
 TEST_CASE("training interrupted before the fallback model is fitted saves only the main model") {
@@ -249,6 +208,6 @@ TEST_CASE("training interrupted before the fallback model is fitted saves only t
   // the fallback is fitted.
   const pid_t child = start_recon({"train", dir / "run", "--out", model, "-q", "--model", "ridge"});
   while (!catches_interrupts(child)) ::usleep(1'000);
-  CHECK(interrupted_code(child) == 130);
+  CHECK(exit_code(child, SIGINT) == 130);
   CHECK(recon::load_model(model).estimators.size() == 1);
 }

@@ -11,17 +11,6 @@ using namespace echofuse;
 using namespace echofuse::recon;
 using namespace echofuse::test;
 
-namespace {
-
-void without(FusedRecord& r, Sensor s) {
-  r.valid.erase(s);
-  if (s == Sensor::spd) counts(r).clear();
-  if (s == Sensor::radar) power(r).clear();
-  if (s == Sensor::depth) depth_mm(r).clear();
-}
-
-}  // namespace
-
 TEST_CASE("two runs are loaded as one data set, but a run and its copy are refused") {
   const Folder dir;
   a_run(3).write(dir / "a");
@@ -100,9 +89,9 @@ TEST_CASE("loading refuses two runs with different axes") {
 TEST_CASE("records with a missing sensor keep their row and are excluded from training") {
   const Folder dir;
   a_run(8, 1, [](FusedRecord& r) {
-    if (r.index == 2) without(r, Sensor::spd);
-    if (r.index == 3) without(r, Sensor::radar);
-    if (r.index == 5) without(r, Sensor::depth);
+    if (r.index == 2) lose(r, Sensor::spd);
+    if (r.index == 3) lose(r, Sensor::radar);
+    if (r.index == 5) lose(r, Sensor::depth);
   }).write(dir / "a");
   const Dataset data = load({dir / "a"});
   CHECK(data.size() == 8);
@@ -124,7 +113,7 @@ TEST_CASE("a run is interpolated to the axes of another run if they differ by le
 
 TEST_CASE(
     "depths beyond the map range are treated as no return, and a wrong depth unit is refused") {
-  const Folder dir;
+  const ReconFolder dir;
   const auto scaled = [](double by, std::int64_t every) {
     return [by, every](FusedRecord& r) {
       for (auto& mm : depth_mm(r))
@@ -133,15 +122,15 @@ TEST_CASE(
   };
   const auto said = [&](const std::string& name, const Change& change) {
     a_run(40, 1, change).write(dir / name);
-    return recon_program("train --model ridge --out " + (dir / name) + "-m " + (dir / name));
+    return dir.recon("train --model ridge --out " + name + "-m " + name);
   };
   CHECK_THAT(said("good", {}).text, !Catch::Contains("median"));
   const Outcome far = said("far", scaled(3, 2));
   CHECK(far.code == 0);
-  CHECK_THAT(far.text,
-             Catch::Contains("far: 20 of 40 records have depths beyond 6 m, treated as no "
-                             "return (") &&
-                 Catch::Contains("map_z_max_m"));
+  CHECK_THAT(
+      far.text,
+      Catch::Contains("far: 20 of 40 records have depths beyond 6 m, treated as no return (") &&
+          Catch::Contains("map_z_max_m"));
   const Dataset farther =
       load({a_run(40, 1, scaled(3, 2)).map({64, 0.55, 14}).write(dir / "farther")});
   CHECK(farther.map.far_m == 14);
@@ -284,31 +273,22 @@ TEST_CASE("summing radar power into wider bins preserves the total power") {
 }
 
 TEST_CASE("a model trained on binned radar power accepts runs with unbinned power") {
-  const Folder dir;
+  const ReconFolder dir;
   a_run(60).radar(radar_axis(40)).write(dir / "run");
   Dataset data = load({dir / "run"});
   match_axes(data, {photons(data).axis, radar_bins(0.5)}, Inputs::fused);
   CHECK(profiles(data).cols == 14);
   CHECK(profiles(data).axis.quantity == "binned_power");
-  const std::string model = dir / "m";
-  const auto done = [&](const std::string& arguments) {
-    const auto outcome = recon_program(arguments);
-    INFO(outcome.text);
-    CHECK(outcome.code == 0);
-  };
-  done("train -q --model ridge --set fallback=false --set radar_bin_m=0.5 " + (dir / "run") +
-       " --out " + model);
-  done("evaluate " + model + " " + (dir / "run"));
-  done("reconstruct -q " + model + " " + (dir / "run") + " --out " + (dir / "maps"));
+  dir.done("train -q --model ridge --set fallback=false --set radar_bin_m=0.5 run --out m");
+  dir.done("evaluate m run");
+  dir.done("reconstruct -q m run --out maps");
   // The range axis of this run ends at 5.9 m, in front of the model's last bin.
   a_run(4).write(dir / "near");
-  CHECK(recon_program("evaluate " + model + " " + (dir / "near")).code == 1);
+  CHECK(dir.recon("evaluate m near").code == 1);
 }
 
 TEST_CASE("inputs scaled per record do not depend on sensor gains or a flat background") {
-  const Folder dir;
-  a_run(40).write(dir / "a");
-  const Dataset data = load({dir / "a"});
+  const Dataset data = load_plates(40);
   const Rows rows = usable(data, Inputs::fused);
   const Features f = fit_features(data, rows, Inputs::fused, "record");
   Dataset changed = data;
@@ -322,9 +302,7 @@ TEST_CASE("inputs scaled per record do not depend on sensor gains or a flat back
 }
 
 TEST_CASE("scaled inputs have zero mean and the same total variance for each sensor") {
-  const Folder dir;
-  a_run(60).write(dir / "a");
-  const Dataset data = load({dir / "a"});
+  const Dataset data = load_plates(60);
   const Rows rows = usable(data, Inputs::fused);
   for (const auto& scaling : scaling_names) {
     const Matrix x = fit_features(data, rows, Inputs::fused, scaling).apply(data, rows);
@@ -345,18 +323,14 @@ TEST_CASE("scaled inputs have zero mean and the same total variance for each sen
   }
 }
 
-TEST_CASE("training, validation and test splits are disjoint, complete and of the requested size") {
-  Rows rows(4000);
-  for (std::size_t i = 0; i < rows.size(); ++i) rows[i] = i;
+TEST_CASE(
+    "splits into training, validation and test records are reproducible and have the requested "
+    "sizes") {
+  const Rows rows = all_rows(4000);
   const Split s = make_split(rows, {});
   CHECK(s.test.size() == 400);
   CHECK(s.validation.size() == 180);
   CHECK(s.train.size() == 3420);
-  Rows all = s.train;
-  all.insert(all.end(), s.validation.begin(), s.validation.end());
-  all.insert(all.end(), s.test.begin(), s.test.end());
-  std::sort(all.begin(), all.end());
-  CHECK(all == rows);
   CHECK(make_split(rows, {}).test == s.test);
   // The rows are sorted by the result of two steps of SplitMix64, initialised with the seed and the
   // row number. Other programs can reproduce this order.
@@ -411,8 +385,7 @@ TEST_CASE("loading part of a run reads only the requested sensors") {
 }
 
 TEST_CASE("blocked splits and folds leave gaps between training and test records") {
-  Rows rows(100);
-  for (std::size_t i = 0; i < rows.size(); ++i) rows[i] = i;
+  const Rows rows = all_rows(100);
   SplitOptions options;
   options.kind = "blocked";
   const Split s = make_split(rows, options);

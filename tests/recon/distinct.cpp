@@ -46,11 +46,7 @@ double centroid(std::span<const float> values, const Axis& axis, float backgroun
 // Scores the body positions that a model finds in records of other plates.
 double lateral_error_m(const std::string& kind, const std::string& inputs) {
   const TrainedModel trained = load_model(made_default_model(kind, inputs));
-  const Dataset fresh = load({made_default_run(kind, "40", "2")});
-  const Rows rows = all_rows(fresh.size());
-  return summarise(score_maps(trained.predict(fresh, rows), fresh, rows,
-                              trained.first().scene))[metric_lateral_m]
-      .mean;
+  return scores_of(trained, load({made_default_run(kind, "40", "2")}))[metric_lateral_m].mean;
 }
 
 }  // namespace

@@ -2,7 +2,6 @@
 #include "recon/trust/domain_shift.hpp"
 
 #include <fstream>
-#include <map>
 
 #include "recon/numbers/statistics.hpp"
 #include "recon/predict/predict.hpp"
@@ -16,12 +15,6 @@ using namespace echofuse::test;
 
 namespace {
 
-Dataset plates(std::int64_t count, std::uint64_t seed, const Change& change = {}) {
-  const Folder dir;
-  a_run(count, seed, change).write(dir / "run");
-  return load({dir / "run"});
-}
-
 TrainedModel trained(const std::string& name, const std::string& inputs) {
   return trained_model(name, 400, {"--inputs", inputs});
 }
@@ -30,9 +23,9 @@ DomainShift shift_of(const TrainedModel& model, const Dataset& data) {
   return domain_shift_of(model, prepare_records(model, data).data);
 }
 
-// Adds a third of each bin's power to the next bin.
-void blur(std::vector<float>& profile) {
-  for (std::size_t i = profile.size() - 1; i > 0; --i) profile[i] += profile[i - 1] / 3;
+// Adds a share of each bin's power to the next bin.
+void blur(std::vector<float>& profile, float share = 1.f / 3) {
+  for (std::size_t i = profile.size() - 1; i > 0; --i) profile[i] += share * profile[i - 1];
 }
 
 // Replaces the data with noise like that measured in an empty room by working sensors.
@@ -52,8 +45,8 @@ TEST_CASE("the domain-shift test detects changed runs and accepts unchanged runs
     const TrainedModel& model = trained(name, inputs);
     int alarms = 0;
     for (std::uint64_t seed = 10; seed < 14; ++seed) {
-      const DomainShift own = shift_of(model, plates(100, seed));
-      const DomainShift other = shift_of(model, plates(100, seed + 100, blurred));
+      const DomainShift own = shift_of(model, load_plates(100, seed));
+      const DomainShift other = shift_of(model, load_plates(100, seed + 100, blurred));
       alarms += own.found();
       CHECK_THAT(own.text(), Catch::StartsWith("this run matches the training data: p = "));
       CHECK(other.found());
@@ -69,35 +62,35 @@ TEST_CASE("the domain-shift test detects changed runs and accepts unchanged runs
 
 TEST_CASE("the domain-shift test ignores sensor gains and skips runs with few records") {
   const TrainedModel& model = trained("mean-shape", "fused");
-  CHECK_FALSE(shift_of(model, plates(100, 10,
-                                     [](FusedRecord& r) {
-                                       for (float& v : power(r)) v *= 5;
-                                       for (auto& v : counts(r)) v *= 3;
-                                     }))
+  CHECK_FALSE(shift_of(model, load_plates(100, 10,
+                                          [](FusedRecord& r) {
+                                            for (float& v : power(r)) v *= 5;
+                                            for (auto& v : counts(r)) v *= 3;
+                                          }))
                   .found());
-  CHECK_FALSE(shift_of(model, plates(15, 11)).tested());
-  CHECK(shift_of(model, plates(15, 11)).text().empty());
+  CHECK_FALSE(shift_of(model, load_plates(15, 11)).tested());
+  CHECK(shift_of(model, load_plates(15, 11)).text().empty());
 }
 
 TEST_CASE("a run with mostly flagged records is reported as different from the training data") {
   const TrainedModel& model = trained("mean-shape", "fused");
-  const DomainShift all = shift_of(model, plates(30, 10, without_body));
+  const DomainShift all = shift_of(model, load_plates(30, 10, without_body));
   CAPTURE(all.text(), all.flagged, all.assessed);
   CHECK(all.found());
   CHECK_THAT(all.text(), Catch::StartsWith("this run differs from the training data: ") &&
                              Catch::Contains("of 30 records are unusual ("));
-  const DomainShift half = shift_of(model, plates(60, 11, [&](FusedRecord& r) {
+  const DomainShift half = shift_of(model, load_plates(60, 11, [&](FusedRecord& r) {
                                       if (r.index % 3 == 0) without_body(r);
                                     }));
   CHECK(half.flagged >= 20);
   CHECK_FALSE(half.mostly_flagged());
-  CHECK_FALSE(shift_of(model, plates(19, 10, without_body)).found());
+  CHECK_FALSE(shift_of(model, load_plates(19, 10, without_body)).found());
 }
 
 TEST_CASE("records are flagged as saturated or empty only if the training records are not") {
   const auto reasons = [](const Dataset& training, const Dataset& fresh) {
-    TrainOptions options;
-    options.model = "ridge", options.fit.quiet = true;
+    TrainOptions options = quiet_options("ridge");
+    options.uncertainty = true;
     const TrainedModel model = train(training, options);
     std::vector<std::string> out;
     for (const auto& u :
@@ -106,7 +99,7 @@ TEST_CASE("records are flagged as saturated or empty only if the training record
       out.push_back(u.out_of_distribution.reason);
     return out;
   };
-  Dataset training = plates(200, 1), fresh = plates(3, 2);
+  Dataset training = load_plates(200, 1), fresh = load_plates(3, 2);
   for (RecordInfo& info : training.records) info.clicks_per_pulse = 0.2;
   for (std::size_t i = 0; const double clicks : {0.2, 0.24, 0.3})
     fresh.records[i++].clicks_per_pulse = clicks;
@@ -116,29 +109,29 @@ TEST_CASE("records are flagged as saturated or empty only if the training record
   // training record.
   CHECK(bright[1] != "saturated");
   CHECK(bright[2] == "saturated");
-  const Dataset none = plates(3, 3, without_body);
-  CHECK(reasons(plates(200, 1), none)[0] == "empty");
+  const Dataset none = load_plates(3, 3, without_body);
+  CHECK(reasons(load_plates(200, 1), none)[0] == "empty");
   const Change often = [](FusedRecord& r) {
     if (r.index % 3 == 0) without_body(r);
   };
-  CHECK(reasons(plates(200, 1, often), none)[0] != "empty");
+  CHECK(reasons(load_plates(200, 1, often), none)[0] != "empty");
 }
 
 TEST_CASE("the domain-shift test reports a 1 % wider radar profile in a run of 400 records") {
   const DomainShift slight =
-      shift_of(trained("mean-shape", "fused"), plates(400, 77, [](FusedRecord& r) {
-                 for (std::size_t i = power(r).size() - 1; i > 0; --i)
-                   power(r)[i] += 0.025f * power(r)[i - 1];
-               }));
+      shift_of(trained("mean-shape", "fused"),
+               load_plates(400, 77, [](FusedRecord& r) { blur(power(r), 0.025f); }));
   CHECK(slight.found());
   CHECK_THAT(slight.text(), Catch::Contains("radar profile width 1.01 +- 0.00 times"));
 }
 
 TEST_CASE("the 90 % intervals of a run are widened by its difference from the training data") {
   const TrainedModel& model = trained("mean-shape", "fused");
-  const Records like = prepare_records(model, plates(100, 10));
+  const Records like = prepare_records(model, load_plates(100, 10));
   CHECK(domain_shift_of(model, like.data).interval_factor < 1.05);
-  const auto shifted = [&](double by_m) { return prepare_records(model, plates(100, 10), by_m); };
+  const auto shifted = [&](double by_m) {
+    return prepare_records(model, load_plates(100, 10), by_m);
+  };
   double last = 1;
   for (const double by_m : {0.05, 0.1, 0.2}) {
     const DomainShift shift = domain_shift_of(model, shifted(by_m).data);
@@ -147,30 +140,15 @@ TEST_CASE("the 90 % intervals of a run are widened by its difference from the tr
     last = shift.interval_factor;
   }
   const Records run = shifted(0.05);
-  const Rows rows = all_rows(run.data.size());
-  const auto plain =
-      recon::predict(model, run.data, rows, PredictionDetail::uncertainty).uncertainties;
-  const Evaluation e = evaluate(model, run, rows);
-  const double factor = e.domain_shift.interval_factor;
-  REQUIRE(e.uncertainties.size() == plain.size());
-  std::size_t stated = 0;
-  for (std::size_t i = 0; i < plain.size(); ++i) {
-    if (std::isnan(plain[i].lateral_interval_90_m)) continue;
-    ++stated;
-    CHECK(e.uncertainties[i].lateral_interval_90_m ==
-          Approx(factor * plain[i].lateral_interval_90_m));
-  }
-  CHECK(stated > 20);
+  const Evaluation e = evaluate(model, run, all_rows(100));
 
   // The file records.csv contains the widened intervals, also if only some records are asked for.
-  const Folder dir;
+  const ReconFolder dir;
   save_model(model, dir / "m");
   a_run(100, 10).write(dir / "run");
-  for (const char* asked : {"", " --rows 3,7,50,51,52,53,54,55"}) {
-    const Outcome o = recon_program("reconstruct -q --force --range-offset 0.05 " + (dir / "m") +
-                                    " " + (dir / "run") + asked + " --out " + (dir / "maps"));
-    REQUIRE(o.code == 0);
-    CHECK_THAT(o.text, Catch::Contains(" times as wide"));
+  for (const std::string asked : {"", " --rows 3,7,50,51,52,53,54,55"}) {
+    CHECK_THAT(dir.done("reconstruct -q --force --range-offset 0.05 m run" + asked + " --out maps"),
+               Catch::Contains(" times as wide"));
     std::ifstream table(dir / "maps/records.csv");
     std::string line;
     std::size_t compared = 0;
@@ -188,11 +166,29 @@ TEST_CASE("the 90 % intervals of a run are widened by its difference from the tr
   }
 }
 
+TEST_CASE("evaluate widens all 90 % intervals of a run by the same factor") {
+  const TrainedModel& model = trained("mean-shape", "fused");
+  const Records run = prepare_records(model, load_plates(100, 10), 0.05);
+  const Rows rows = all_rows(100);
+  const auto plain =
+      recon::predict(model, run.data, rows, PredictionDetail::uncertainty).uncertainties;
+  const Evaluation e = evaluate(model, run, rows);
+  REQUIRE(e.domain_shift.interval_factor > 1);
+  std::size_t widened = 0;
+  for (std::size_t i = 0; i < 100; ++i) {
+    if (std::isnan(plain[i].lateral_interval_90_m)) continue;
+    ++widened;
+    CHECK(e.uncertainties[i].lateral_interval_90_m ==
+          Approx(plain[i].lateral_interval_90_m * e.domain_shift.interval_factor));
+  }
+  CHECK(widened > 20);
+}
+
 TEST_CASE("the domain-shift test measures radar power out to half the range of the body") {
   const TrainedModel& model = trained("ridge", "radar");
   // The echoes of the plates begin in bin 12.
   const auto said = [&](std::size_t from, std::size_t to) {
-    const DomainShift shift = shift_of(model, plates(100, 10, [=](FusedRecord& r) {
+    const DomainShift shift = shift_of(model, load_plates(100, 10, [=](FusedRecord& r) {
                                          for (std::size_t i = from; i < to; ++i)
                                            power(r)[i] += 0.3f;
                                        }));
@@ -206,35 +202,31 @@ TEST_CASE("the domain-shift test measures radar power out to half the range of t
 
 TEST_CASE("transmitter leakage below 1 m makes neither a record nor a run unusual") {
   const TrainedModel model = trained("ridge", "fused");
-  const Dataset data = plates(100, 10, [](FusedRecord& r) {
+  const Dataset data = load_plates(100, 10, [](FusedRecord& r) {
     for (std::size_t i = 0; i < 4; ++i) power(r)[i] += 3;
   });
   const Records records = prepare_records(model, data);
   CHECK_THAT(shift_of(model, data).text(), Catch::StartsWith("this run matches"));
-  const auto scores = predict(model, records.data, all_rows(100)).uncertainties;
-  CHECK(std::ranges::count_if(
-            scores, [](const auto& u) { return !u.out_of_distribution.reason.empty(); }) < 4);
+  CHECK(share_flagged(predict(model, records.data, all_rows(100)).uncertainties) < 0.04);
 }
 
 TEST_CASE("a loaded model gives the same domain-shift result as the saved model") {
-  const Folder dir;
+  const ReconFolder dir;
   const TrainedModel& model = trained("mean-shape", "fused");
   save_model(model, dir / "m");
-  const Dataset data = plates(60, 12, blurred);
+  const Dataset data = load_plates(60, 12, blurred);
   const DomainShift a = shift_of(model, data), b = shift_of(load_model(dir / "m"), data);
   CHECK(a.p == b.p);
   CHECK(a.text() == b.text());
   a_run(60, 12, blurred).write(dir / "other");
-  for (const std::string& command :
-       {"evaluate " + (dir / "m") + " " + (dir / "other"),
-        "reconstruct " + (dir / "m") + " " + (dir / "other") + " --out " + (dir / "o")})
-    CHECK_THAT(recon_program(command).text, Catch::Contains(a.text()));
+  for (const std::string command : {"evaluate m other", "reconstruct m other --out o"})
+    CHECK_THAT(dir.recon(command).text, Catch::Contains(a.text()));
 }
 
 TEST_CASE("the domain-shift test derives standard errors from the variance between record blocks") {
   // The reference consists of six blocks of ten records. The new run consists of two such blocks.
   const std::size_t known = 60, count = 20;
-  const Dataset all = plates(known + count, 50, [&](FusedRecord& r) {
+  const Dataset all = load_plates(known + count, 50, [&](FusedRecord& r) {
     // In the new run, the plates are 48 cm (8 bins of 6 cm) nearer than in the reference.
     if (r.index >= std::int64_t(known))
       std::rotate(counts(r).begin(), counts(r).begin() + 8, counts(r).end());
@@ -274,7 +266,7 @@ TEST_CASE("the domain-shift test reports a radar range bias and the option that 
   const auto farther = [](FusedRecord& r) {
     std::rotate(power(r).begin(), power(r).end() - 1, power(r).end());
   };
-  const DomainShift shift = shift_of(model, plates(200, 30, farther));
+  const DomainShift shift = shift_of(model, load_plates(200, 30, farther));
   CHECK(shift.found());
   CHECK_THAT(shift.text(),
              Catch::Contains("radar ranges are ") &&
@@ -294,14 +286,14 @@ TEST_CASE("the domain-shift test reports a radar range bias and the option that 
   // The radar profiles are also blurred, because the advice must be given even if other quantities
   // differ from the training data.
   const DomainShift more =
-      shift_of(model, plates(200, 30, [&](FusedRecord& r) { farther(r), blur(power(r)); }));
+      shift_of(model, load_plates(200, 30, [&](FusedRecord& r) { farther(r), blur(power(r)); }));
   CHECK(more.differences.size() > 1);
   CHECK_THAT(more.text(), Catch::Contains("if the radar is the cause, use --range-offset "));
-  CHECK(shift_of(model, plates(200, 31)).advice.empty());
+  CHECK(shift_of(model, load_plates(200, 31)).advice.empty());
 }
 
 TEST_CASE("the domain-shift test raises few false alarms for small and large reference sets") {
-  const Dataset all = plates(3000, 40);
+  const Dataset all = load_plates(3000, 40);
   const Rows rows = all_rows(3000);
   for (const std::size_t known : {60, 1500}) {
     CAPTURE(known);
@@ -325,7 +317,7 @@ TEST_CASE("the domain-shift test raises few false alarms for small and large ref
 }
 
 TEST_CASE("the domain-shift test excludes training records and their copies") {
-  const Folder dir;
+  const ReconFolder dir;
   const std::string first = made_run(300);
   a_run(360).write(dir / "more");
   a_run(300, 1, [](FusedRecord& r) { r.label = "other"; }).write(dir / "copies");
@@ -334,8 +326,8 @@ TEST_CASE("the domain-shift test excludes training records and their copies") {
   CHECK(shift_of(model, load_recorded({first})).records == 30);
   CHECK(shift_of(model, load_recorded({dir / "more"})).records == 60 + 30);
   CHECK(shift_of(model, load_recorded({dir / "copies"})).records == 30);
-  CHECK_THAT(recon_program("evaluate -q " + model_file + " " + first).text,
+  CHECK_THAT(dir.recon("evaluate -q " + model_file + " " + first).text,
              Catch::Contains("\n" + first + ", held-out records: this run "));
-  CHECK_THAT(recon_program("evaluate -q " + model_file + " " + (dir / "more")).text,
-             Catch::Contains("\n" + (dir / "more") + ": this run "));
+  CHECK_THAT(dir.recon("evaluate -q " + model_file + " more").text,
+             Catch::Contains("\nmore: this run "));
 }

@@ -31,16 +31,15 @@ void write_room(const std::string& path, const Wall& wall, std::int64_t count, s
   a_run(count, seed,
         [=](FusedRecord& r) mutable {
           if (!people) {
-            std::fill(counts(r).begin(), counts(r).end(), 0u);
-            std::fill(power(r).begin(), power(r).end(), 0.f);
-            std::fill(depth_mm(r).begin(), depth_mm(r).end(), std::uint16_t{0});
+            std::ranges::fill(counts(r), 0u);
+            std::ranges::fill(power(r), 0.f);
+            std::ranges::fill(depth_mm(r), std::uint16_t{0});
           }
           std::poisson_distribution<std::uint32_t> light(30'000);
           std::normal_distribution<float> echo(2, 0.002f);
           for (std::size_t i = 0; i < 3; ++i) counts(r)[wall.spd_bin + i] += light(rng);
           power(r)[wall.radar_bin] += echo(rng);
-          for (std::uint16_t& mm : depth_mm(r))
-            if (mm == 0) mm = wall.mm;
+          std::ranges::replace(depth_mm(r), 0, wall.mm);
           if (longer_m != 0) power(r) = Shift(-longer_m / radar_axis().step).apply(power(r));
         })
       .spd(longer)
@@ -53,26 +52,17 @@ double iou_of(const TrainedModel& model, const std::string& path) {
 }
 
 TrainedModel trained(const std::string& path, const std::string& empty, const std::string& name) {
-  TrainOptions options;
-  options.model = name, options.uncertainty = false;
-  options.fit.epochs = 60, options.fit.quiet = true;
+  TrainOptions options = quiet_options(name, 60);
   const Dataset data = load({path});
   if (!empty.empty()) options.background = load_empty_room(data, empty).records;
   return train(data, options);
-}
-
-double evaluated_iou(const std::string& words) {
-  const Outcome o = recon_program("-q evaluate --json " + words);
-  INFO(o.text);
-  REQUIRE(o.code == 0);
-  return nlohmann::json::parse(o.text)["metrics"]["iou"]["mean"];
 }
 
 }  // namespace
 
 TEST_CASE(
     "a model trained with an empty-room run keeps its accuracy after adaptation to another room") {
-  const Folder dir;
+  const ReconFolder dir;
   write_room(dir / "here", here, 200, 1), write_room(dir / "here empty", here, 20, 2, false);
   write_room(dir / "there", elsewhere, 60, 3), write_room(dir / "again", here, 60, 3);
   write_room(dir / "there empty", elsewhere, 20, 4, false);
@@ -83,14 +73,15 @@ TEST_CASE(
   save_model(model, dir / "model");
   CHECK(adapt_to_room(model, dir / "there empty").empty());
   CHECK(iou_of(model, dir / "there") > 0.95 * at_home);
-  const std::string error = error_of([&] { adapt_to_room(model, dir / "there"); });
-  CHECK(error == (dir / "there") +
-                     ": the histograms vary by more than photon noise, so there may be people in "
-                     "the room; expected "
-                     "a run of the empty room");
-  const std::string there = (dir / "model") + " " + (dir / "there");
-  CHECK(evaluated_iou(there) < 0.5 * at_home);
-  CHECK(evaluated_iou(there + " --empty '" + (dir / "there empty") + "'") > 0.9 * at_home);
+  CHECK_THAT(
+      error_of([&] { adapt_to_room(model, dir / "there"); }),
+      Catch::EndsWith("there: the histograms vary by more than photon noise, so there may be "
+                      "people in the room; expected a run of the empty room"));
+  const auto evaluated = [&](const std::string& words) {
+    return dir.json("evaluate model there" + words)["metrics"]["iou"]["mean"].get<double>();
+  };
+  CHECK(evaluated("") < 0.5 * at_home);
+  CHECK(evaluated(" --empty 'there empty'") > 0.9 * at_home);
 }
 
 TEST_CASE("the option --range-offset also applies to the empty-room run") {
@@ -166,20 +157,17 @@ TEST_CASE("an empty-room run is accepted if its brightness drifts by 3 % and ref
 }
 
 TEST_CASE("a model that uses no background cannot be adapted to another room") {
-  const Folder dir;
+  const ReconFolder dir;
   write_room(dir / "here", here, 60, 1), write_room(dir / "empty", here, 20, 2, false);
   TrainedModel other = trained(dir / "here", "", "mean-shape");
   CHECK(adapt_to_room(other, dir / "empty") ==
         "the model was trained without --empty, so the walls of the training room may affect the "
         "maps");
-  const Outcome refused = recon_program("train -q --model mlp --empty " + (dir / "empty") +
-                                        " --out " + (dir / "mlp.h5") + " " + (dir / "here"));
-  CHECK(refused.code == 2);
-  CHECK_THAT(refused.text, Catch::Contains("--empty: mlp does not use a background"));
+  CHECK_THAT(dir.done("train -q --model mlp --empty empty --out mlp.h5 here", 2),
+             Catch::Contains("--empty: mlp does not use a background"));
   TrainedModel model = trained(dir / "here", "", "mlp-16");
   CHECK(error_of([&] { adapt_to_room(model, dir / "empty"); }) ==
-        "mlp models cannot be used in another room; expected a factorised "
-        "or mean-shape model");
+        "mlp models cannot be used in another room; expected a factorised or mean-shape model");
 }
 
 TEST_CASE("an empty-room run is refused if its axes differ from those of the training runs") {

@@ -14,13 +14,28 @@ using namespace echofuse;
 using namespace echofuse::recon;
 using namespace echofuse::test;
 
+namespace {
+
+// Shows the plate of a scene. Two records of a scene differ by their noise and by 3 mm.
+void show(FusedRecord& r, std::int64_t scene, std::int64_t noise) {
+  Rng place = make_rng(1, static_cast<std::uint64_t>(scene)),
+      rng = make_rng(2, static_cast<std::uint64_t>(noise));
+  std::uniform_real_distribution<double> x(-1, 1), z(3, 4);
+  std::normal_distribution<double> off(0, 0.003);
+  const double at_x = x(place), at_z = z(place) + off(rng);
+  r = plate_record(r.index, at_x, at_z, rng);
+}
+
+}  // namespace
+
 TEST_CASE("damaged records are counted, and a run with more than 10 % damaged records is refused") {
   const Folder dir;
   const auto spoil = [&](const std::string& name, std::int64_t from) {
     a_run(20, 1, [&](FusedRecord& r) {
       r.slot_end = r.slot_start + std::chrono::seconds(3);
       if (r.index >= from) power(r)[3] = std::numeric_limits<float>::quiet_NaN();
-      if (r.index == 4) counts(r)[7] = 4'294'967'295u;
+      // The limit is 100 million clicks per second.
+      if (r.index == 4) counts(r)[7] = 300'000'001;
     }).write(dir / name);
   };
   spoil("a", 19);
@@ -28,7 +43,7 @@ TEST_CASE("damaged records are counted, and a run with more than 10 % damaged re
   CHECK(data.size() == 18);
   REQUIRE(data.damaged.size() == 2);
   CHECK_THAT(to_text(data.damaged.front()),
-             Catch::Contains("record 4: spd bin 7 contains 4294967295 clicks, more than"));
+             Catch::Contains("record 4: spd bin 7 contains 300000001 clicks, more than"));
   spoil("b", 18);
   CHECK_THAT(
       error_of([&] { load({dir / "b"}); }),
@@ -37,13 +52,6 @@ TEST_CASE("damaged records are counted, and a run with more than 10 % damaged re
   load_part(record::RunReader(dir / "a"), 0, 20, sensors_of(Inputs::fused),
             [&](std::int64_t index, const std::string&) { bad.push_back(index); });
   CHECK(bad == std::vector<std::int64_t>{4, 19});
-  // In a slot of 3 s, more than 300 million clicks exceed the limit of 100 million clicks per
-  // second.
-  a_run(20, 1, [](FusedRecord& r) {
-    r.slot_end = r.slot_start + std::chrono::seconds(3);
-    if (r.index == 4) counts(r)[7] = 300'000'001;
-  }).write(dir / "c");
-  CHECK(load({dir / "c"}).damaged.size() == 1);
 }
 
 TEST_CASE("dead and damaged records count together for the limit of 10 %") {
@@ -82,7 +90,7 @@ TEST_CASE("doubtful records are excluded from training") {
 }
 
 TEST_CASE("records with lost frames are counted, and are used unless a setting excludes them") {
-  const Folder dir;
+  const ReconFolder dir;
   const auto lossy = [](FusedRecord& r) {
     if (r.index == 1)
       set_verdict(r, Sensor::depth, "lossy: 50 % of the 90 expected frames received");
@@ -93,15 +101,14 @@ TEST_CASE("records with lost frames are counted, and are used unless a setting e
   a_run(40, 1, lossy).write(dir / "a"), a_run(40, 2, lossy).write(dir / "b");
   Dataset data = load({dir / "a"});
   CHECK(usable(data, Inputs::fused).size() == 39);
-  const std::string train = "train --model mean " + (dir / "a") + " --out ";
-  CHECK_THAT(recon_program(train + (dir / "m")).text,
+  const std::string train = "train --model mean a --out ";
+  CHECK_THAT(dir.recon(train + "m").text,
              Catch::Contains("2 lossy records are used; --set lossy=leave excludes them"));
   CHECK_THAT(
-      recon_program(train + (dir / "n") + " --set lossy=leave").text,
+      dir.recon(train + "n --set lossy=leave").text,
       Catch::Contains("3 of 40 records left out: SPD weak 1, camera lossy 1, radar lossy 1"));
   for (const auto& [model, text] : {std::pair{"m", "SPD weak 1"}, {"n", "radar lossy 1"}})
-    CHECK_THAT(recon_program("rows " + (dir / "b") + " --model " + (dir / model)).text,
-               Catch::Contains(text));
+    CHECK_THAT(dir.recon(std::string("rows b --model ") + model).text, Catch::Contains(text));
   data.exclusions.lossy = true;
   CHECK(usable(data, Inputs::spd).size() == 38);
 }
@@ -118,7 +125,7 @@ TEST_CASE("a copied record has the same fingerprint in every run") {
 }
 
 TEST_CASE("the rows command prints the split part of each record or the reason for its exclusion") {
-  const Folder dir;
+  const ReconFolder dir;
   const auto change = [](FusedRecord& r) {
     if (r.index == 2) set_verdict(r, Sensor::depth, "stands still: the same as before");
     if (r.index == 3) r.valid.erase(Sensor::radar);
@@ -126,57 +133,48 @@ TEST_CASE("the rows command prints the split part of each record or the reason f
     if (r.index == 5) std::ranges::fill(counts(r), 7u);
   };
   a_run(60, 1, change).write(dir / "a"), a_run(8).write(dir / "b");
-  const auto rows = [&](const std::string& words) {
-    const Outcome o = recon_program("-q rows --json " + words);
-    CAPTURE(o.text);
-    REQUIRE(o.code == 0);
-    return nlohmann::json::parse(o.text)["records"];
-  };
-  const nlohmann::json both = rows((dir / "a ") + (dir / "b"));
+  const auto rows = [&](const std::string& words) { return dir.json("rows " + words)["records"]; };
+  const nlohmann::json both = rows("a b");
   REQUIRE(both.size() == 68);
   const auto why = [&](std::size_t i) { return both[i].value("left_out", ""); };
   CHECK(why(2) == "camera stands still");
   CHECK(why(3) == "radar missing");
   CHECK(why(4) == "damaged");
   CHECK(why(5) == "the same in every bin");
-  CHECK(why(60) == "also in " + (dir / "a"));
-  CHECK(both[67]["run"] == dir / "b");
-  REQUIRE(recon_program("train -q --model mean --seed 3 " + (dir / "a") + " --out " + (dir / "m"))
-              .code == 0);
+  CHECK(why(60) == "also in a");
+  CHECK(both[67]["run"] == "b");
+  dir.done("train -q --model mean --seed 3 a --out m");
   // The model was also trained with the split seed 3, so both splits must agree.
-  const nlohmann::json split = rows((dir / "a") + " --seed 3");
-  const nlohmann::json own = rows((dir / "a") + " --model " + (dir / "m"));
+  const nlohmann::json split = rows("a --seed 3");
+  const nlohmann::json own = rows("a --model m");
   std::size_t held_out = 0;
   for (std::size_t i = 0; i < split.size(); ++i) {
     CHECK(split[i].value("part", "") == own[i].value("part", ""));
     held_out += own[i].value("part", "") == "test";
   }
   const auto assessed = [&](const std::string& run) {
-    return nlohmann::json::parse(
-        recon_program("-q evaluate --json " + (dir / "m ") + run).text)["records"];
+    return dir.json("evaluate m " + run)["records"];
   };
-  CHECK(assessed(dir / "a") == held_out);
+  CHECK(assessed("a") == held_out);
   // All records of run b are copies of records of run a. The model was trained on run a.
-  const nlohmann::json fresh = rows((dir / "b") + " --model " + (dir / "m"));
+  const nlohmann::json fresh = rows("b --model m");
   std::size_t test = 0;
   for (const auto& row : fresh) {
     test += row.value("part", "") == "test";
     CHECK((row.contains("part") || row["left_out"] == "trained on"));
   }
-  CHECK(assessed(dir / "b") == test);
-  const nlohmann::json blocked = rows((dir / "a") + " --split blocked --set gap=2");
+  CHECK(assessed("b") == test);
+  const nlohmann::json blocked = rows("a --split blocked --set gap=2");
   CHECK(blocked[59]["part"] == "test");
   CHECK(std::ranges::count(blocked, "in the gap between the parts of the split",
                            [](const auto& row) { return row.value("left_out", ""); }) == 4);
-  CHECK(recon_program("rows --seed 2 " + (dir / "a") + " --model " + (dir / "m")).code == 2);
+  CHECK(dir.recon("rows --seed 2 a --model m").code == 2);
 }
 
 TEST_CASE("train and evaluate print the number of excluded records and the reasons") {
-  const Folder dir;
+  const ReconFolder dir;
   const auto doubtful = [](FusedRecord& r) {
-    if (r.index < 8)
-      set_verdict(r, Sensor::depth,
-                  "stands still: identical to the previous record in every pixel");
+    if (r.index < 8) set_verdict(r, Sensor::depth, "stands still: the same as before");
     // The object is moved sideways, so that these maps are not copies of other maps.
     if (r.index < 8) std::ranges::rotate(depth_mm(r), depth_mm(r).begin() + 12);
     if (r.index == 8) set_verdict(r, Sensor::spd, "weak: 12 clicks above the background");
@@ -185,76 +183,58 @@ TEST_CASE("train and evaluate print the number of excluded records and the reaso
     if (r.index == 11) r.valid.erase(Sensor::radar);
   };
   a_run(60, 1, doubtful).write(dir / "run");
-  const std::string train = "train --model ridge --set fallback=false " + (dir / "run") + " --out ";
-  const Outcome left = recon_program(train + (dir / "m"));
-  CHECK(left.code == 0);
-  CHECK_THAT(left.text,
+  const std::string train = "train --model ridge --set fallback=false run --out ";
+  CHECK_THAT(dir.done(train + "m"),
              Catch::Contains("12 of 60 records left out: SPD weak 1, camera stands still 8, "
                              "damaged 1, radar missing 1, the same in every bin 1 (") &&
                  Catch::Contains("record 10: spd bin 5 contains 4294967295 clicks"));
-  const Outcome taken = recon_program(train + (dir / "all") + " --set doubtful=take");
-  CHECK_THAT(taken.text, Catch::Contains("3 of 60 records left out: damaged 1, radar missing 1, "));
+  CHECK_THAT(dir.done(train + "all --set doubtful=take"),
+             Catch::Contains("3 of 60 records left out: damaged 1, radar missing 1, "));
   a_run(30, 2, [&](FusedRecord& r) {
     if (r.index < 8) doubtful(r);
   }).write(dir / "fresh");
-  const Outcome assessed = recon_program("evaluate -q " + (dir / "m") + " " + (dir / "fresh"));
-  CHECK_THAT(
-      assessed.text,
-      Catch::StartsWith("22 records; ") &&
-          Catch::Contains("doubtful records left out: camera stands still 8; including them: "
-                          "IoU 0."));
+  CHECK_THAT(dir.done("evaluate -q m fresh"),
+             Catch::StartsWith("22 records; ") &&
+                 Catch::Contains(
+                     "doubtful records left out: camera stands still 8; including them: IoU 0."));
   a_run(4, 2, doubtful).write(dir / "frozen");
-  refuses("evaluate -q " + (dir / "m") + " " + (dir / "frozen"), 1,
-          (dir / "frozen") + ": 4 of 4 records left out: camera stands still 4");
-  refuses("train -q " + (dir / "frozen") + " --out " + (dir / "no"), 1,
-          (dir / "frozen") + ": 4 of 4 records left out: camera stands still 4");
-  a_run(60, 1, [](FusedRecord& r) {
-    if (r.index % 8 == 3) std::ranges::fill(power(r), 1.f);
-  }).write(dir / "dead");
-  refuses("train -q " + (dir / "dead") + " --out " + (dir / "no"), 1,
-          "record 3: radar is the same in every bin; the sensor is dead, or the room is empty and "
-          "dark; 8 of 60 records");
+  for (const std::string command : {"evaluate -q m frozen", "train -q frozen --out no"})
+    dir.refuses(command, 1, "frozen: 4 of 4 records left out: camera stands still 4");
 }
 
 TEST_CASE("copies of a record are used once in training and are excluded from evaluation") {
-  const Folder dir;
+  const ReconFolder dir;
   a_run(60).write(dir / "a"), a_run(20).write(dir / "b"), a_run(20, 2).write(dir / "c");
   a_run(70).write(dir / "more");
   const std::string train = "train --model ridge --set fallback=false --set test_share=0 ";
-  CHECK_THAT(recon_program(train + (dir / "a") + " " + (dir / "b") + " " + (dir / "c") + " --out " +
-                           (dir / "abc"))
-                 .text,
-             Catch::Contains("20 of 100 records left out: also in " + (dir / "a") + " 20\n"));
-  REQUIRE(recon_program(train + (dir / "a") + " --out " + (dir / "m")).code == 0);
-  const std::string evaluate = "evaluate -q " + (dir / "m") + " ";
-  refuses(evaluate + (dir / "b"), 1, "all records of this run are copies of training records");
+  CHECK_THAT(dir.recon(train + "a b c --out abc").text,
+             Catch::Contains("20 of 100 records left out: also in a 20\n"));
+  dir.done(train + "a --out m");
+  const std::string evaluate = "evaluate -q m ";
+  dir.refuses(evaluate + "b", 1, "all records of this run are copies of training records");
   CHECK_THAT(
-      recon_program(evaluate + (dir / "more")).text,
+      dir.recon(evaluate + "more").text,
       Catch::StartsWith("10 records; ") &&
           Catch::Contains("60 of 70 records are copies of training records and are left out\n"));
   // The records of run d are nearly identical to those of run c. The nearest neighbour of an
   // evaluated record must not be its own copy.
   a_run(40, 2, [](FusedRecord& r) { power(r)[20] += 0.01f; }).write(dir / "d");
   const auto nearest = [&](const std::string& neighbours) {
-    return nlohmann::json::parse(
-               recon_program(evaluate + "--json " + (dir / "c") + " --train " + (dir / neighbours))
-                   .text)["trivial"]["nearest"]["iou"]["mean"]
+    return dir.json(evaluate + "c --train " + neighbours)["trivial"]["nearest"]["iou"]["mean"]
         .get<double>();
   };
   CHECK(nearest("d") < 0.9);
-  CHECK_THAT(recon_program(evaluate + (dir / "more") + " --all").text,
+  CHECK_THAT(dir.recon(evaluate + "more --all").text,
              Catch::StartsWith("70 records; ") &&
                  Catch::Contains("copies of training records and are scored\n"));
 }
 
 TEST_CASE(
     "a record with identical photon counts is recognised as a copy even if other data differ") {
-  const Folder dir;
+  const ReconFolder dir;
   a_run(60).write(dir / "a");
   const std::string model = dir / "m";
-  REQUIRE(recon_program("train -q --model ridge --set fallback=false --set test_share=0 " +
-                        (dir / "a") + " --out " + model)
-              .code == 0);
+  dir.done("train -q --model ridge --set fallback=false --set test_share=0 a --out " + model);
   const auto change = [](const std::string& how, FusedRecord& r) {
     if (how == "scaled")
       for (float& power : power(r)) power *= 2;
@@ -284,7 +264,7 @@ TEST_CASE(
     // The shift drops the last bin, which belongs to the fingerprints of a few narrow returns.
     CHECK(found >= (how == "shifted" ? 54 : 60));
   }
-  refuses("evaluate -q " + model + " " + (dir / "scaled"), 1, "are copies of training records");
+  dir.refuses("evaluate -q " + model + " scaled", 1, "are copies of training records");
   Axis longer = spd_axis();
   longer.count += 4;
   a_run(60, 1, [](FusedRecord& r) { std::fill_n(counts(r).end() - 4, 4, 0u); })
@@ -352,61 +332,42 @@ TEST_CASE(
 }
 
 TEST_CASE("evaluate refuses a run with dead held-out records, and train refuses an empty run") {
-  const Folder dir;
-  const std::string first = a_run(40).write(dir / "a");
-  const std::string model = dir / "m";
-  REQUIRE(recon_program("train -q --model mean " + first + " --out " + model).code == 0);
-  REQUIRE(recon_program("evaluate " + model + " " + first).code == 0);
-  damage(first, "histograms without counts in the records from ?1 to ?2", {0, 39});
-  const Outcome dead = recon_program("evaluate " + model + " " + first);
-  CAPTURE(dead.text);
-  CHECK(dead.code == 1);
-  CHECK_THAT(dead.text, Catch::Contains("no valid held-out record is left"));
-  damage(first, "without records");
-  const Outcome none = recon_program("train -q --model mean " + first + " --out " + (dir / "n"));
-  CHECK(none.code == 1);
-  CHECK_THAT(none.text, Catch::Contains("contains no record to train on"));
+  const ReconFolder dir;
+  a_run(40).write(dir / "a");
+  dir.done("train -q --model mean a --out m");
+  dir.done("evaluate m a");
+  damage(dir / "a", "histograms without counts in the records from ?1 to ?2", {0, 39});
+  CHECK_THAT(dir.done("evaluate m a", 1), Catch::Contains("no valid held-out record is left"));
+  damage(dir / "a", "without records");
+  dir.refuses("train -q --model mean a --out n", 1, "contains no record to train on");
 }
 
 TEST_CASE("a record that occurs twice in a run is used once") {
-  const Folder dir;
-  const auto twice = [](FusedRecord& r) {
-    Rng rng = make_rng(3, static_cast<std::uint64_t>(r.index % 30));
-    std::uniform_real_distribution<double> x(-1, 1), z(3, 4);
-    const double at_x = x(rng), at_z = z(rng);
-    r = plate_record(r.index, at_x, at_z, rng);
-  };
-  a_run(60, 1, twice).write(dir / "twice"), a_run(60, 2).write(dir / "a");
+  const ReconFolder dir;
+  a_run(60, 1, [](FusedRecord& r) { show(r, r.index % 30, r.index % 30); }).write(dir / "twice");
+  a_run(60, 2).write(dir / "a");
   const std::string train = "train --model ridge --set fallback=false ";
-  CHECK_THAT(recon_program(train + (dir / "twice") + " --out " + (dir / "no")).text,
+  CHECK_THAT(dir.recon(train + "twice --out no").text,
              Catch::Contains("30 of 60 records left out: twice in the run 30\n"));
-  REQUIRE(recon_program(train + "-q " + (dir / "a") + " --out " + (dir / "m")).code == 0);
-  CHECK_THAT(recon_program("evaluate -q " + (dir / "m") + " " + (dir / "twice")).text,
+  dir.done(train + "-q a --out m");
+  CHECK_THAT(dir.recon("evaluate -q m twice").text,
              Catch::StartsWith("30 records; ") && Catch::Contains("twice in the run 30"));
 }
 
 TEST_CASE("train refuses a sensor that has no data and warns about a random split of a sequence") {
-  const Folder dir;
+  const ReconFolder dir;
   const auto run = [&](const std::string& name, Sensor lost) {
     a_run(12, 1, [&](FusedRecord& r) { r.valid.erase(lost); }).write(dir / name);
-    return "train " + (dir / name) + " --out " + (dir / "m");
+    return "train " + name + " --out m";
   };
-  refuses(run("blind", Sensor::radar), 1, "no record has radar data; use --inputs spd");
-  refuses(run("dark", Sensor::spd), 1, "no record has SPD data; use --inputs radar");
-  refuses(run("without_maps", Sensor::depth), 1, "no record has a depth map");
-  const auto held = [](FusedRecord& r) {
-    Rng rng = make_rng(1, static_cast<std::uint64_t>(r.index) / 12);
-    std::uniform_real_distribution<double> x(-1, 1), z(3, 4);
-    const double at_x = x(rng), at_z = z(rng);
-    Rng of_record = make_rng(2, static_cast<std::uint64_t>(r.index));
-    r = plate_record(r.index, at_x, at_z, of_record);
-  };
-  a_run(240, 1, held).write(dir / "held"), a_run(240).write(dir / "free");
+  dir.refuses(run("blind", Sensor::radar), 1, "no record has radar data; use --inputs spd");
+  dir.refuses(run("dark", Sensor::spd), 1, "no record has SPD data; use --inputs radar");
+  dir.refuses(run("without_maps", Sensor::depth), 1, "no record has a depth map");
+  a_run(240, 1, [](FusedRecord& r) { show(r, r.index / 12, r.index); }).write(dir / "held");
+  a_run(240).write(dir / "free");
   const auto says = [&](const std::string& name, const std::string& more) {
     std::filesystem::remove(dir / "m");
-    return recon_program("train --model mean --set fallback=false " + (dir / name) + " --out " +
-                         (dir / "m") + more)
-        .text;
+    return dir.recon("train --model mean --set fallback=false " + name + " --out m" + more).text;
   };
   CHECK_THAT(says("held", ""), Catch::Contains("consecutive records are alike") &&
                                    Catch::Contains("use --split blocked"));
@@ -415,17 +376,10 @@ TEST_CASE("train refuses a sensor that has no data and warns about a random spli
 }
 
 TEST_CASE("train reports repeated scenes for random and for blocked splits") {
-  const Folder dir;
+  const ReconFolder dir;
   // The same scene is repeated after `scenes` records, but with different noise.
   const auto recurring = [](std::int64_t scenes) {
-    return [scenes](FusedRecord& r) {
-      Rng rng = make_rng(1, static_cast<std::uint64_t>(r.index % scenes));
-      std::uniform_real_distribution<double> x(-1, 1), z(3, 4);
-      const double at_x = x(rng), at_z = z(rng);
-      Rng of_record = make_rng(2, static_cast<std::uint64_t>(r.index));
-      std::normal_distribution<double> noise_m(0, 0.003);
-      r = plate_record(r.index, at_x, at_z + noise_m(of_record), of_record);
-    };
+    return [scenes](FusedRecord& r) { show(r, r.index % scenes, r.index); };
   };
   a_run(240, 1, recurring(30)).write(dir / "recurring");
   a_run(240, 1, recurring(120)).write(dir / "pairs"), a_run(240).write(dir / "free");
@@ -436,8 +390,9 @@ TEST_CASE("train reports repeated scenes for random and for blocked splits") {
     CAPTURE(split);
     const auto said = [&](const std::string& name) {
       std::filesystem::remove(dir / "m");
-      return recon_program("train --model mean --set fallback=false --split " + split + " " +
-                           (dir / name) + " --out " + (dir / "m"))
+      return dir
+          .recon("train --model mean --set fallback=false --split " + split + " " + name +
+                 " --out m")
           .text;
     };
     CHECK_THAT(said("recurring"), Catch::Contains("scenes recur: 24 of 24 held-out depth maps") &&

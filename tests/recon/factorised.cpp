@@ -136,20 +136,13 @@ TEST_CASE("a body that is extracted from a depth map is redrawn at the same posi
 
 TEST_CASE("the factorised model places bodies on the correct side for any sensor gain") {
   const Rows rows = trained().rows_of(plates(), Subset::test);
-  const auto scores = [&](const Dataset& data) {
-    std::vector<MapScores> out;
-    const Matrix maps = trained().predict(data, rows);
-    for (std::size_t i = 0; i < rows.size(); ++i)
-      out.push_back(score(maps.row(i), depth_maps(data).row(rows[i]), trained().first().scene));
-    return summarise(out);
-  };
-  const Summaries plain = scores(plates());
+  const Summaries plain = scores_of(trained(), plates(), rows);
   CHECK(plain[metric_iou].mean > 0.7);
   CHECK(plain[metric_left_right].mean > 0.95);
   Dataset louder = plates();
   for (float& v : profiles(louder).values) v *= 4;
   for (float& v : photons(louder).values) v *= 0.5f;
-  CHECK(scores(louder)[metric_iou].mean > 0.98 * plain[metric_iou].mean);
+  CHECK(scores_of(trained(), louder, rows)[metric_iou].mean > 0.98 * plain[metric_iou].mean);
 }
 
 TEST_CASE("clicks in a bin that only one training record uses do not shift the predicted body") {
@@ -162,9 +155,7 @@ TEST_CASE("clicks in a bin that only one training record uses do not shift the p
     std::replace_if(
         around(row) - 9, around(row) - 5, [](float) { return true; }, 0.f);
   *(around(0) - 8) = 1;
-  TrainOptions options;
-  options.uncertainty = options.fallback = false;
-  options.model = "mean-shape", options.fit.quiet = true;
+  TrainOptions options = quiet_options("mean-shape");
   options.split.test_share = 0;
   const TrainedModel model = train(data, options);
   const Rows rows = all_rows(50);
@@ -210,9 +201,7 @@ TEST_CASE("invalid dimensions of the body-mask grid in a model file are refused"
 }
 
 TEST_CASE("training a factorised model requires both sensors and records with bodies") {
-  TrainOptions options;
-  options.uncertainty = false;
-  options.model = "factorised";
+  TrainOptions options = quiet_options("factorised");
   options.inputs = "spd";
   CHECK_THROWS_WITH(train(plates(), options), Catch::Contains("need both sensors"));
   Dataset empty = plates();

@@ -22,10 +22,7 @@ TrainedModel trained_with(const std::string& model) {
   return trained_model(model, 160, {"--set", "fallback=true", "--epochs", "8"});
 }
 
-void lose_radar(FusedRecord& r) {
-  power(r).clear();
-  r.valid.erase(Sensor::radar);
-}
+void lose_radar(FusedRecord& r) { lose(r, Sensor::radar); }
 
 }  // namespace
 
@@ -73,9 +70,8 @@ TEST_CASE("the fallback for missing radar data is optional and is stored in the 
   CHECK(plain.estimators.size() == 1);
   CHECK_THAT(plain.fault_of(lost, 5), Catch::Contains("radar is the same in every bin"));
   for (const std::string inputs : {"spd", "radar"}) {
-    TrainOptions options;
-    options.model = "ridge", options.inputs = inputs, options.fallback = true;
-    options.fit.quiet = true;
+    TrainOptions options = quiet_options("ridge");
+    options.inputs = inputs, options.fallback = true;
     CHECK(train(plates(), options).estimators.size() == 1);
   }
 }
@@ -84,53 +80,43 @@ TEST_CASE("the domain-shift test counts only records that have a predicted uncer
   TrainedModel model = trained_with("ridge");
   REQUIRE(model.estimators.size() == 2);
   model.estimators[1].uncertainty.reset();
-  const Folder dir;
-  a_run(30, 2, [](FusedRecord& r) {
+  const Dataset data = load_plates(30, 2, [](FusedRecord& r) {
     if (r.index % 3 == 0) lose_radar(r);
-  }).write(dir / "run");
-  CHECK(domain_shift_of(model, load({dir / "run"})).assessed == 20);
+  });
+  CHECK(domain_shift_of(model, data).assessed == 20);
 }
 
 TEST_CASE("reconstruct and evaluate report maps that were predicted from the SPD alone") {
-  const Folder dir;
+  const ReconFolder dir;
   const std::string model = made_model("ridge", 100, 1, {"--epochs", "10"});
   a_run(4, 2, [](FusedRecord& r) {
     if (r.index == 2) lose_radar(r);
   }).write(dir / "live");
-  const auto o =
-      recon_program("reconstruct " + model + " " + (dir / "live") + " --out " + (dir / "o"));
-  CHECK(o.code == 5);
   CHECK_THAT(
-      o.text,
+      dir.done("reconstruct " + model + " live --out o", 5),
       Catch::Contains("4 records reconstructed, 0 left out; 1 with a fallback model (radar lost"));
   CHECK(std::filesystem::exists(dir / "o/000002.png"));
   CHECK_THAT(contents(dir / "o/records.csv"),
              Catch::Contains("\n1,\"ok\",") && Catch::Contains("\n2,\"radar lost: SPD alone\","));
-  CHECK_THAT(recon_program("evaluate " + model + " " + (dir / "live")).text,
+  CHECK_THAT(dir.recon("evaluate " + model + " live").text,
              Catch::Contains("4 records") && Catch::Contains("1 records: radar lost: SPD alone"));
 
   // The radar axis of this run has no bins, as in a run without a configured radar.
   a_run(3, 3, lose_radar).radar(Axis{"radar", "power", "m", 0, 0, 1, 1}).write(dir / "dark");
-  const auto dark = recon_program("evaluate --json " + model + " " + (dir / "dark"));
-  REQUIRE(dark.code == 0);
-  CHECK(nlohmann::json::parse(dark.text.substr(dark.text.find('{')))["fallback_records"] == 3);
+  CHECK(dir.json("evaluate " + model + " dark")["fallback_records"] == 3);
 }
 
 TEST_CASE("evaluate counts but does not score records for which the model predicts no map") {
-  const Folder dir;
-  const TrainedModel model = trained_with("ridge");
-  REQUIRE(model.estimators.size() == 2);
-  save_model(model, dir / "m");
+  const ReconFolder dir;
+  save_model(trained_with("ridge"), dir / "m");
   a_run(6, 2, [](FusedRecord& r) {
     if (r.index >= 3) lose_radar(r);
     if (r.index >= 4) std::fill(counts(r).begin(), counts(r).end(), 2);
   }).write(dir / "live");
-  const auto o = recon_program("evaluate --json " + (dir / "m") + " " + (dir / "live"));
-  REQUIRE(o.code == 0);
-  const auto json = nlohmann::json::parse(o.text);
+  const auto json = dir.json("evaluate m live");
   CHECK(json["records"] == 4);
   CHECK(json["fallback_records"] == 1);
   CHECK(json["left_out"] == 2);
-  CHECK_THAT(recon_program("evaluate " + (dir / "m") + " " + (dir / "live")).text,
+  CHECK_THAT(dir.recon("evaluate m live").text,
              Catch::Contains("2 records with a depth map left out: missing sensor "));
 }

@@ -41,14 +41,10 @@ TEST_CASE("the mask loss in single precision matches that in double precision") 
 TEST_CASE("a network with mask and depth outputs scores better than a depth regression") {
   const Dataset data = load_plates(600);
   const auto scores = [&](const char* model) {
-    TrainOptions options;
-    options.uncertainty = false;
-    options.model = model;
-    options.fit.epochs = 40, options.fit.batch = 16, options.fit.learning_rate = 4e-3,
-    options.fit.quiet = true;
+    TrainOptions options = quiet_options(model, 40);
+    options.fit.batch = 16, options.fit.learning_rate = 4e-3;
     const TrainedModel trained = train(data, options);
-    const Rows rows = rows_to_evaluate(trained, data, false);
-    return summarise(score_maps(trained.predict(data, rows), data, rows, trained.first().scene));
+    return scores_of(trained, data, rows_to_evaluate(trained, data, false));
   };
   const Summaries masked = scores("mlp-mask-48-24"), regressed = scores("mlp-48-24");
   CHECK(masked[metric_iou].mean > regressed[metric_iou].mean);

@@ -22,13 +22,8 @@ Matrix random_matrix(std::size_t rows, std::size_t cols, std::uint64_t seed) {
 }
 
 TrainOptions quick(const std::string& model) {
-  TrainOptions options;
-  options.uncertainty = false;
-  options.model = model;
-  options.fit.hidden = {48, 24};
-  options.fit.epochs = 25;
-  options.fit.batch = 16;
-  options.fit.quiet = true;
+  TrainOptions options = quiet_options(model, 25);
+  options.fit.hidden = {48, 24}, options.fit.batch = 16;
   return options;
 }
 
@@ -36,11 +31,6 @@ TrainOptions quick(const std::string& model) {
 const Dataset& plates() {
   static const Dataset data = load_plates(600);
   return data;
-}
-
-Summaries scores_of(const TrainedModel& model) {
-  const Rows rows = rows_to_evaluate(model, plates(), false);
-  return summarise(score_maps(model.predict(plates(), rows), plates(), rows, model.first().scene));
 }
 
 }  // namespace
@@ -105,19 +95,6 @@ TEST_CASE("the nearest-neighbour model returns the stored map of a training reco
   CHECK(nearest->cost().multiply_adds == looked_up + 5 * y.cols);
 }
 
-TEST_CASE(
-    "training with the same seed gives the same model, and another seed gives another model") {
-  const auto predict = [](std::uint64_t seed) {
-    TrainOptions options = quick("mlp");
-    options.fit.epochs = 3;
-    options.fit.seed = seed;
-    return train(plates(), options).predict(plates(), {0, 1, 2});
-  };
-  const Matrix a = predict(4);
-  CHECK(predict(4).values == a.values);
-  CHECK(predict(5).values != a.values);
-}
-
 TEST_CASE("every kind of model predicts the same maps after it is saved and loaded") {
   const Folder dir;
   for (const auto& name : model_names()) {
@@ -147,7 +124,8 @@ TEST_CASE(
   const auto scores = [](const char* inputs) {
     TrainOptions options = quick("mlp");
     options.inputs = inputs;
-    return scores_of(train(plates(), options));
+    const TrainedModel model = train(plates(), options);
+    return scores_of(model, plates(), rows_to_evaluate(model, plates(), false));
   };
   const Summaries fused = scores("fused"), spd = scores("spd");
   CHECK(fused[metric_iou].mean > 0.6);
@@ -174,37 +152,6 @@ TEST_CASE(
   CHECK(log.validation_loss.size() == log.loss.size());
   CHECK(*std::min_element(log.validation_loss.begin(), log.validation_loss.end()) ==
         log.validation_loss[log.best_epoch - 1]);
-}
-
-TEST_CASE("diverged training is refused with an error that names the learning rate") {
-  TrainOptions options = quick("mlp");
-  options.fit.learning_rate = 1e9;
-  CHECK_THROWS_WITH(train(plates(), options), Catch::Contains("learning_rate"));
-}
-
-TEST_CASE(
-    "training on identical records gives finite maps, or an error if the model needs bodies") {
-  const Folder dir;
-  a_run(12, 1, [](FusedRecord& r) {
-    Rng rng = make_rng(1, 1);
-    const auto index = r.index;
-    r = plate_record(0, 0.5, 3.5, rng);
-    r.index = index;
-  }).write(dir / "same");
-  Dataset data = load({dir / "same"});
-  // The content hashes are deleted, because identical records would otherwise be excluded as
-  // copies.
-  for (RecordInfo& info : data.records) info.content = 0;
-  for (const auto& name : model_names()) {
-    CAPTURE(name);
-    // All maps are equal, so no body differs from the background.
-    if (wants_alignment(name)) {
-      CHECK_THROWS_WITH(train(data, quick(name)), Catch::Contains("show a body"));
-      continue;
-    }
-    const TrainedModel model = train(data, quick(name));
-    for (const float v : model.predict(data, {0, 11}).values) REQUIRE(std::isfinite(v));
-  }
 }
 
 TEST_CASE("evaluation scores the model and three baseline methods on the held-out records") {

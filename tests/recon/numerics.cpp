@@ -24,12 +24,9 @@ const Dataset& plates() {
 }
 
 TrainOptions options_for(const std::string& model, std::uint64_t seed, double rate_factor) {
-  TrainOptions o;
-  o.uncertainty = false;
-  o.model = model;
+  TrainOptions o = quiet_options(model, model == "factorised" ? 8 : 20);
   if (model != "factorised") o.fit.hidden = {32, 16};
-  o.fit.basis = model == "factorised" ? 4 : 16;
-  o.fit.epochs = model == "factorised" ? 8 : 20, o.fit.batch = 8, o.fit.quiet = true;
+  o.fit.basis = model == "factorised" ? 4 : 16, o.fit.batch = 8;
   o.fit.learning_rate = candidate_of(model, {}).fit.learning_rate.value() * rate_factor;
   o.fit.seed = seed;
   return o;
@@ -67,10 +64,7 @@ double iou_of(const TrainOptions& options) {
   REQUIRE(!weights.empty());
   REQUIRE(all_finite(weights));
   REQUIRE(all_finite(model.predict(plates(), all_rows(plates().size())).values));
-  const Rows rows = model.rows_of(plates(), Subset::test);
-  return summarise(score_maps(model.predict(plates(), rows), plates(), rows,
-                              model.first().scene))[metric_iou]
-      .mean;
+  return scores_of(model, plates(), model.rows_of(plates(), Subset::test))[metric_iou].mean;
 }
 
 // Evaluates the network stored in a model file (class Regression) in double precision.

@@ -27,11 +27,8 @@ Change longer_by(double metres) {
 
 TEST_CASE("the calibration offset and --range-offset are applied in one interpolation") {
   const Folder dir;
-  a_run(3)
-      .calibration({Sensor::radar, "2026-01-01T00:00:00Z", "", 1, 0.06, 0.001})
-      .write(dir / "run");
-  a_run(3).write(dir / "plain");
-  const Dataset plain = load({dir / "plain"});
+  a_run(3).offset(Sensor::radar, 0.06).write(dir / "run");
+  const Dataset plain = load_plates(3);
   const auto moved = [&](double metres, std::size_t row) {
     const auto profile = profiles(plain).row(row);
     return Shift(metres / profiles(plain).axis.step).apply({profile.begin(), profile.end()});
@@ -55,32 +52,26 @@ TEST_CASE("a dead radar is detected after range calibration, offset correction a
         [](FusedRecord& r) {
           if (r.index == 1) std::fill(power(r).begin(), power(r).end(), 0.25f);
         })
-      .calibration({Sensor::radar, "2026-01-01T00:00:00Z", "", 1, 0.06, 0.001})
+      .offset(Sensor::radar, 0.06)
       .write(dir / "run");
   Dataset data = load({dir / "run"});
-  for (int corrected = 0; corrected < 2; ++corrected) {
+  for (const auto& change :
+       std::vector<std::function<void()>>{[] {}, [&] { subtract_range_offset(data, 0.05); },
+                                          [&] { rebin_radar(data, wide_bins); }}) {
+    change();
     CHECK(fault_of(data, 0, Inputs::fused).empty());
     CHECK(fault_of(data, 1, Inputs::fused) == "radar is the same in every bin");
-    subtract_range_offset(data, 0.05);
   }
-  rebin_radar(data, wide_bins);
-  CHECK(fault_of(data, 0, Inputs::fused).empty());
-  CHECK(fault_of(data, 1, Inputs::fused) == "radar is the same in every bin");
 }
 
 TEST_CASE("evaluate and reconstruct subtract the value of --range-offset from radar ranges") {
-  const Folder dir;
+  const ReconFolder dir;
   a_run(200).write(dir / "train");
   a_run(100, 2).write(dir / "fresh");
   a_run(100, 2, longer_by(0.06)).write(dir / "long");
-  REQUIRE(recon_program("train " + dir / "train" + " --out " + dir / "m" +
-                        " --model factorised-4 --set fallback=false -q")
-              .code == 0);
+  dir.done("train train --out m --model factorised-4 --set fallback=false -q");
   const auto iou_of = [&](const std::string& rest) {
-    const auto o = recon_program("evaluate " + dir / "m" + " --json " + dir / rest);
-    INFO(o.text);
-    REQUIRE(o.code == 0);
-    return nlohmann::json::parse(o.text)["metrics"]["iou"]["mean"].get<double>();
+    return dir.json("evaluate m " + rest)["metrics"]["iou"]["mean"].get<double>();
   };
   const double clean = iou_of("fresh");
   CHECK(iou_of("long") < 0.9 * clean);
@@ -91,21 +82,14 @@ TEST_CASE("evaluate and reconstruct subtract the value of --range-offset from ra
   const Records records = prepare_records(model, load_recorded({dir / "long"}), 0.06);
   const Matrix expected = predict(model, records.data, all_rows(100), PredictionDetail::maps).maps;
   for (const std::string how : {"", " --follow"}) {
-    const std::string out = dir / ("maps" + std::to_string(how.size()));
-    REQUIRE(recon_program("reconstruct " + dir / "m" + " " + dir / "long" + how +
-                          " --format mm -q --range-offset 0.06 --out " + out)
-                .code == 0);
-    CHECK_THAT(contents(out + "/run.txt"), Catch::EndsWith("range offset 0.06 m\n"));
+    dir.done("reconstruct m long --force -q --format mm --range-offset 0.06 --out maps" + how);
+    CHECK_THAT(contents(dir / "maps/run.txt"), Catch::EndsWith("range offset 0.06 m\n"));
     const auto map =
         thresholded_map(within_span(expected.row(3), model.first().scene), model.first().scene);
-    const std::string png = contents(out + "/000003_mm.png");
-    const auto found = recon::decode_png16(Bytes(png.begin(), png.end()), 64, 64);
+    const auto found = picture(dir / "maps/000003_mm.png");
     REQUIRE(found.size() == map.size());
     for (std::size_t p = 0; p < map.size(); ++p)
       REQUIRE(std::abs(static_cast<double>(found[p]) - 1000 * double{map[p]}) <= 1);
   }
-  const auto refused =
-      recon_program("evaluate " + dir / "m" + " " + dir / "long" + " --range-offset 6cm");
-  CHECK(refused.code == 2);
-  CHECK_THAT(refused.text, Catch::Contains("--range-offset"));
+  dir.refuses("evaluate m long --range-offset 6cm", 2, "--range-offset");
 }

@@ -1,17 +1,13 @@
 // SPDX-License-Identifier: MIT
 // Tests the output files of `reconstruct`, and a run that is reconstructed while it is recorded.
 #include <sys/wait.h>
-#include <unistd.h>
 
 #include <map>
-#include <nlohmann/json.hpp>
 #include <random>
 #include <thread>
 
-#include "../fixtures/paths.hpp"
 #include "drivers/core/clock.hpp"
 #include "recon/maps/map_files.hpp"
-#include "recon/maps/png.hpp"
 #include "recon/maps/written_maps.hpp"
 #include "world.hpp"
 
@@ -20,9 +16,9 @@ using namespace echofuse::test;
 
 namespace {
 
-// Runs one line of Python with NumPy and returns its output.
-std::string numpy(const std::string& line) {
-  return shell("/usr/bin/python3 -c \"import numpy as n; " + line + "\"").text;
+// Runs one line of Python with NumPy in the folder, and returns its output.
+std::string numpy(const ReconFolder& dir, const std::string& line) {
+  return dir.run("/usr/bin/python3 -c \"import numpy as n; " + line + "\"").text;
 }
 
 std::vector<float> points_of(const std::string& ply) {
@@ -92,7 +88,7 @@ TEST_CASE("random maps of any size are read back as written, as an array and as 
 }
 
 TEST_CASE("NumPy can read an array that was written row by row") {
-  const Folder dir;
+  const ReconFolder dir;
   recon::NpyWriter out(dir / "a.npy", {2, 3});
   for (int i = 0; i < 3; ++i) {
     std::vector<float> row(6);
@@ -102,176 +98,131 @@ TEST_CASE("NumPy can read an array that was written row by row") {
   CHECK_FALSE(std::filesystem::exists(dir / "a.npy"));
   out.close();
   CHECK(std::distance(std::filesystem::directory_iterator(dir.path), {}) == 1);
-  CHECK(numpy("a = n.load('" + (dir / "a.npy") + "'); print(a.shape, a.dtype, a[2, 1, 2])") ==
+  CHECK(numpy(dir, "a = n.load('a.npy'); print(a.shape, a.dtype, a[2, 1, 2])") ==
         "(3, 2, 3) float32 2.625\n");
   CHECK_THROWS_WITH(recon::NpyWriter(dir / "no/such.npy", {2}), Catch::Contains("no/such.npy"));
 }
 
 TEST_CASE("the status of a predicted map names the doubtful input sensors") {
-  const Folder dir;
-  const std::string run = made_run(60);
-  const std::string model = made_model("ridge", 60);
+  const ReconFolder dir;
   a_run(4, 2, [](FusedRecord& r) {
     if (r.index == 1) set_verdict(r, Sensor::spd, "weak: 12 clicks above the background");
     if (r.index == 2) set_verdict(r, Sensor::depth, "stands still: the same as before");
     if (r.index == 3) set_verdict(r, Sensor::radar, "no peak: no bins clearly exceed the mean");
   }).write(dir / "fresh");
-  const Outcome o = recon_program("reconstruct --format npy " + model + " " + (dir / "fresh") +
-                                  " --out " + (dir / "o"));
-  CHECK(o.code == 0);
-  CHECK_THAT(o.text, Catch::Contains(
-                         "4 records reconstructed, 0 left out; 1 with doubtful data: SPD weak"));
+  CHECK_THAT(
+      dir.done("reconstruct --format npy " + made_model("ridge", 60) + " fresh --out o"),
+      Catch::Contains("4 records reconstructed, 0 left out; 1 with doubtful data: SPD weak"));
   const std::string csv = contents(dir / "o/records.csv");
   for (const char* line : {"\n0,\"ok\",", "\n1,\"ok; SPD weak\",", "\n2,\"ok\",", "\n3,\"ok\","})
     CHECK_THAT(csv, Catch::Contains(line));
-  CHECK(
-      recon_program("-q evaluate --maps " + (dir / "o") + " " + (dir / "fresh") + " --train " + run)
-          .code == 0);
+  dir.done("-q evaluate --maps o fresh --train " + made_run(60));
 
   // Only maps that state their training records may be scored on a training run.
   std::filesystem::copy(dir / "o", dir / "stated");
   std::ofstream(dir / "stated/run.txt", std::ios::app) << "trained on records 0,1\n";
   std::filesystem::remove(dir / "o/run.txt");
-  const auto on_itself = [&](const std::string& folders) {
-    return recon_program("-q evaluate" + folders + " " + (dir / "fresh") + " --train " +
-                         (dir / "fresh"));
-  };
-  const std::string unstated = " --maps " + (dir / "o"), stated = " --maps " + (dir / "stated");
-  CHECK(on_itself(stated).code == 0);
-  for (const Outcome& refused : {on_itself(unstated), on_itself(stated + unstated)}) {
-    CHECK(refused.code == 1);
-    CHECK_THAT(refused.text, Catch::Contains("is a training run; score another run"));
-  }
+  const std::string on_itself = "-q evaluate fresh --train fresh --maps ";
+  dir.done(on_itself + "stated");
+  for (const std::string maps : {"o", "stated --maps o"})
+    dir.refuses(on_itself + maps, 1, "is a training run; score another run");
 }
 
 TEST_CASE("written maps get the same scores as their model, and invalid map files are refused") {
-  const Folder dir;
+  const ReconFolder dir;
   const std::string run = made_run(120);
   a_run(20, 2).write(dir / "fresh");
   const std::string model_file = made_model("ridge", 120, 1, {});
-  REQUIRE(recon_program("reconstruct -q --format npy,mm " + model_file + " " + (dir / "fresh") +
-                        " --out " + (dir / "o"))
-              .code == 0);
+  dir.done("reconstruct -q --format npy,mm " + model_file + " fresh --out o");
   const auto assessed = [&](const std::string& what) {
-    const Outcome o =
-        recon_program("-q evaluate --json " + what + " " + (dir / "fresh") + " --train " + run);
-    CAPTURE(o.text);
-    REQUIRE(o.code == 0);
-    const auto json = nlohmann::json::parse(o.text.substr(o.text.find("{\n")));
+    const auto json = dir.json("evaluate " + what + " fresh --train " + run);
     return std::pair(json["metrics"], json["trivial"]);
   };
-  const auto model = assessed(model_file), maps = assessed("--maps " + (dir / "o"));
-  CHECK(model == maps);
+  CHECK(assessed(model_file) == assessed("--maps o"));
   const auto refused = [&](const std::string& script, const std::string& said) {
     std::filesystem::remove_all(dir / "bad");
     std::filesystem::copy(dir / "o", dir / "bad");
-    numpy("import os; d = '" + (dir / "bad") + "'; m = n.load(d + '/maps.npy'); " + script);
-    const Outcome o = recon_program("evaluate --maps " + (dir / "bad") + " " + (dir / "fresh"));
-    CAPTURE(script, o.text);
-    CHECK(o.code == 1);
-    CHECK_THAT(o.text, Catch::Contains(said) && Catch::EndsWith("\n"));
+    numpy(dir, "import os; os.chdir('bad'); m = n.load('maps.npy'); " + script);
+    CAPTURE(script);
+    dir.refuses("evaluate --maps bad fresh", 1, said);
   };
-  refused("n.save(d + '/maps.npy', m * 1000)", "expected metres, not millimetres");
-  refused("n.save(d + '/maps.npy', m[:, ::2, ::2].copy())",
+  refused("n.save('maps.npy', m * 1000)", "expected metres, not millimetres");
+  refused("n.save('maps.npy', m[:, ::2, ::2].copy())",
           "maps have 32 x 32 pixels; expected 64 x 64");
-  refused("n.save(d + '/maps.npy', m[1:])",
-          "has 19 maps, but records.csv lists 20 records with a map");
-  refused("n.save(d + '/maps.npy', n.asfortranarray(m))", "expected C order");
-  refused("os.remove(d + '/maps.npy'); os.remove(d + '/camera.json')", "contains neither maps.npy");
+  refused("n.save('maps.npy', m[1:])", "has 19 maps, but records.csv lists 20 records with a map");
+  refused("n.save('maps.npy', n.asfortranarray(m))", "expected C order");
+  refused("os.remove('maps.npy'); os.remove('camera.json')", "contains neither maps.npy");
   const auto camera_refused = [&](const std::string& change, const std::string& said) {
-    refused("import json; os.remove(d + '/maps.npy'); c = json.load(open(d + '/camera.json')); " +
-                change + "; json.dump(c, open(d + '/camera.json', 'w'))",
+    refused("import json; os.remove('maps.npy'); c = json.load(open('camera.json')); " + change +
+                "; json.dump(c, open('camera.json', 'w'))",
             said);
   };
-  camera_refused("del c['fx']", "camera.json: expected positive width, fx and depth_scale");
-  camera_refused("c['depth_scale'] = 0",
-                 "camera.json: expected positive width, fx and depth_scale");
-  camera_refused("c = [1]", "camera.json: expected positive width, fx and depth_scale");
+  for (const char* change : {"del c['fx']", "c['depth_scale'] = 0", "c = [1]"})
+    camera_refused(change, "camera.json: expected positive width, fx and depth_scale");
   camera_refused("c['fx'] *= 1.05", "for the field of view of the run");
   camera_refused("c['width'] = 32", "maps have 32 x 64 pixels; expected 64 x 64");
   camera_refused("c['width'] = 1e300", "maps have 1000000 x 64 pixels; expected 64 x 64");
-  camera_refused("open(d + '/000007_mm.png', 'wb').write(b'no picture')",
+  camera_refused("open('000007_mm.png', 'wb').write(b'no picture')",
                  "000007_mm.png: expected a 16-bit grey PNG of 64 x 64");
-  std::filesystem::copy(dir / "o", dir / "few");
-  std::filesystem::remove(dir / "few/maps.npy");
-  std::filesystem::remove(dir / "few/000007_mm.png");
-  CHECK_THAT(recon_program("evaluate --maps " + (dir / "few") + " " + (dir / "fresh")).text,
-             Catch::Contains(
-                 "few: 19 of 20 records have a map; missing maps are replaced by the empty room"));
 }
 
 TEST_CASE("reconstruct --rows processes only the listed or the held-out records") {
-  const Folder dir;
+  const ReconFolder dir;
   const std::string trained_on = made_run(120);
-  const std::string fresh = a_run(4, 2).write(dir / "fresh");
+  a_run(4, 2).write(dir / "fresh");
   const std::string model = made_model("ridge", 120, 1, {});
-  const auto reconstruct = [&](const std::string& run, const std::string& words) {
-    return recon_program("reconstruct -q --format npy,foreground " + model + " " + run + " " +
-                         words);
-  };
-  REQUIRE(reconstruct(trained_on, "--out " + (dir / "all")).code == 0);
-  REQUIRE(reconstruct(trained_on, "--rows 7,3 --out " + (dir / "few")).code == 0);
-  const std::string names =
-      "a = lambda f, k: n.load('" + (dir / "") + "' + f + '/' + k + '.npy'); ";
-  CHECK(numpy(names + "print([n.array_equal(a('all', k)[[3, 7]], a('few', k), equal_nan=True) for "
-                      "k in ('maps', 'thresholded', 'share')])") == "[True, True, True]\n");
-  CHECK(numpy(names + "s = a('all', 'share') > .5; m = a('all', 'maps'); t = a('all', "
-                      "'thresholded'); print(s.any(), n.array_equal(t[s], m[s]), "
-                      "n.isnan(t[~s]).all())") == "True True True\n");
+  const std::string reconstruct = "reconstruct -q --format npy,foreground " + model + " ";
+  dir.done(reconstruct + trained_on + " --out all");
+  dir.done(reconstruct + trained_on + " --out few --rows 7,3");
+  const std::string names = "a = lambda f, k: n.load(f + '/' + k + '.npy'); ";
+  CHECK(numpy(dir, names +
+                       "print([n.array_equal(a('all', k)[[3, 7]], a('few', k), equal_nan=True) for "
+                       "k in ('maps', 'thresholded', 'share')])") == "[True, True, True]\n");
+  CHECK(numpy(dir,
+              names +
+                  "s = a('all', 'share') > .5; m = a('all', 'maps'); t = a('all', 'thresholded'); "
+                  "print(s.any(), n.array_equal(t[s], m[s]), n.isnan(t[~s]).all())") ==
+        "True True True\n");
   const std::string csv = contents(dir / "few/records.csv");
   CHECK(std::count(csv.begin(), csv.end(), '\n') == 3);
   CHECK_THAT(csv, Catch::Contains("\n3,\"ok\",") && Catch::Contains("\n7,\"ok\","));
-  REQUIRE(reconstruct(trained_on, "--rows test --out " + (dir / "test")).code == 0);
+  dir.done(reconstruct + trained_on + " --out test --rows test");
   const std::string held_out = contents(dir / "test/records.csv");
-  const Outcome assessed = recon_program("-q evaluate --json " + model + " " + trained_on);
-  CHECK(nlohmann::json::parse(assessed.text)["records"] ==
+  CHECK(dir.json("evaluate " + model + " " + trained_on)["records"] ==
         std::count(held_out.begin(), held_out.end(), '\n') - 1);
-  const auto refused = [&](const std::string& run, const std::string& rows, int code,
-                           const std::string& text) {
-    const Outcome o = reconstruct(
-        run, "--rows " + rows + " --out " + (dir / (run == fresh ? "not-fresh" : "not-run")));
-    CAPTURE(rows);
-    CHECK(o.code == code);
-    CHECK_THAT(o.text, Catch::Contains(text));
+  const auto refused = [&](const std::string& rows, int code, const std::string& text) {
+    dir.refuses(reconstruct + trained_on + " --out no --rows " + rows, code, text);
   };
-  refused(trained_on, "3,x", 2, "--rows: \"x\": expected record indices, e.g. 3,7, or test");
-  refused(trained_on, "3,900", 1, "--rows: the run has no record 900");
-  refused(fresh, "test", 1, "the model was not trained on this run");
-  refused(trained_on, "3 --follow", 2, "--rows cannot be combined with --follow");
+  refused("3,x", 2, "--rows: \"x\": expected record indices, e.g. 3,7, or test");
+  refused("3,900", 1, "--rows: the run has no record 900");
+  refused("3 --follow", 2, "--rows cannot be combined with --follow");
+  dir.refuses(reconstruct + "fresh --out none --rows test", 1,
+              "the model was not trained on this run");
 }
 
 TEST_CASE("a model compared with maps is scored only on records that were not used to train it") {
-  const Folder dir;
+  const ReconFolder dir;
   const std::string run = made_run(120);
   const std::string model = made_model("ridge", 120, 1, {});
-  REQUIRE(
-      recon_program("reconstruct -q --format npy " + model + " " + run + " --out " + (dir / "o"))
-          .code == 0);
+  dir.done("reconstruct -q --format npy " + model + " " + run + " --out o");
   const auto assessed = [&](const std::string& options) {
-    const Outcome o = recon_program("-q evaluate --json " + options + " " + model + " " + run);
-    CAPTURE(o.text);
-    REQUIRE(o.code == 0);
-    return nlohmann::json::parse(o.text.substr(o.text.find("{\n")));
+    return dir.json("evaluate " + options + " " + model + " " + run);
   };
-  const auto beside = assessed("--maps " + (dir / "o")), alone = assessed("");
+  const auto beside = assessed("--maps o"), alone = assessed("");
   CHECK(beside["records"] == alone["records"]);
   CHECK(beside["records"] < 20);
   CHECK(beside["rows"][1]["metrics"] == alone["metrics"]);
-  CHECK(assessed("--all --maps " + (dir / "o"))["records"] == 120);
+  CHECK(assessed("--all --maps o")["records"] == 120);
 }
 
 TEST_CASE("the written point cloud, array and picture contain the same depth map") {
-  const Folder dir;
+  const ReconFolder dir;
   const std::string model = made_model("mlp-48-24", 240, 1, {"--epochs", "90"});
   a_run(3, 2).write(dir / "live");
-  REQUIRE(recon_program("reconstruct -q --format mm,ply,npy " + model + " " + (dir / "live") +
-                        " --out " + (dir / "o"))
-              .code == 0);
+  dir.done("reconstruct -q --format mm,ply,npy " + model + " live --out o");
   CHECK_FALSE(std::filesystem::exists(dir / "o/000000.png"));
-  const std::string png = contents(dir / "o/000002_mm.png");
-  const auto mm = recon::decode_png16(Bytes(png.begin(), png.end()), 64, 64);
+  const auto mm = picture(dir / "o/000002_mm.png");
   REQUIRE(mm.size() == 4096);
-
   const auto points = points_of(contents(dir / "o/000002.ply"));
   // The plate covers about 240 pixels, each with three coordinates.
   REQUIRE(points.size() > 3 * 50);
@@ -289,44 +240,27 @@ TEST_CASE("the written point cloud, array and picture contain the same depth map
                             (static_cast<double>(row) - cy) / fy * seen - y, seen - z) > 1e-3;
   }
   CHECK(strangers == 0);
-  const std::string camera = contents(dir / "o/camera.json");
-  CHECK_THAT(camera, Catch::Contains("\"width\": 64, \"height\": 64, \"fx\": 58.18181"));
-  CHECK_THAT(camera, Catch::Contains("\"cx\": 31.5, \"cy\": 31.5"));
-  CHECK_THAT(camera, Catch::EndsWith("31.5, 31.5, 1]}\n"));
-
-  const std::string peak = std::to_string(*std::max_element(mm.begin(), mm.end()));
-  CHECK(numpy("a = n.load('" + (dir / "o/maps.npy") +
-              "'); print(a.shape, round(float(n.nanmax(a[2])) * 1000))") ==
-        "(3, 64, 64) " + peak + "\n");
-}
-
-TEST_CASE("reconstruct excludes and lists records with a dead sensor") {
-  const Folder dir;
-  const std::string model = made_model("ridge", 60);
-  a_run(5, 2, [](FusedRecord& r) {
-    if (r.index == 2) std::fill(counts(r).begin(), counts(r).end(), 0u);
-    if (r.index == 4) std::fill(power(r).begin(), power(r).end(), 0.25f);
-  }).write(dir / "dead");
-  const Outcome o =
-      recon_program("reconstruct " + model + " " + (dir / "dead") + " --out " + (dir / "o"));
-  CHECK(o.code == 5);
-  CHECK_THAT(o.text, Catch::Contains("record 2: spd is the same in every bin") &&
-                         Catch::Contains("record 4: radar is the same in every bin"));
+  CHECK_THAT(contents(dir / "o/camera.json"),
+             Catch::Contains("\"width\": 64, \"height\": 64, \"fx\": 58.18181") &&
+                 Catch::Contains("\"cx\": 31.5, \"cy\": 31.5") &&
+                 Catch::EndsWith("31.5, 31.5, 1]}\n"));
+  const std::string peak = std::to_string(std::ranges::max(mm));
+  CHECK(
+      numpy(dir, "a = n.load('o/maps.npy'); print(a.shape, round(float(n.nanmax(a[2])) * 1000))") ==
+      "(3, 64, 64) " + peak + "\n");
 }
 
 TEST_CASE("reconstruct writes body positions to records.csv and summarises repeated messages") {
-  const Folder dir;
+  const ReconFolder dir;
   const std::string model = made_model("mean-shape", 120);
   a_run(16, 2, [](FusedRecord& r) {
     Rng rng = make_rng(2, static_cast<std::uint64_t>(r.index));
     if (r.index == 0) r = plate_record(0, 0.5, 3.5, rng);
     if (r.index >= 4) std::ranges::fill(counts(r), 0u);
   }).write(dir / "fresh");
-  const Outcome o =
-      recon_program("reconstruct " + model + " " + (dir / "fresh") + " --out " + (dir / "o"));
-  CHECK_THAT(o.text,
-             Catch::Contains("12 records between 4 and 15: spd is the same in every bin\n"));
-  CHECK_FALSE(o.text.find("record 4:") != std::string::npos);
+  CHECK_THAT(dir.done("reconstruct " + model + " fresh --out o", 5),
+             Catch::Contains("12 records between 4 and 15: spd is the same in every bin\n") &&
+                 !Catch::Contains("record 4:"));
   double x_m = 0, z_m = 0;
   const std::string table = contents(dir / "o/records.csv");
   const auto first = table.find("\n0,\"ok\",,");
@@ -337,10 +271,9 @@ TEST_CASE("reconstruct writes body positions to records.csv and summarises repea
 }
 
 TEST_CASE("reconstruct --follow processes a live run until it is closed") {
-  const Folder dir;
-  const std::string model = made_model("ridge", 60);
-  const std::string live = dir / "live", out = dir / "o", log = dir / "log";
-  const auto run = a_run(0).without_axis(Sensor::radar).open(live);
+  const ReconFolder dir;
+  const std::string out = dir / "o";
+  const auto run = a_run(0).without_axis(Sensor::radar).open(dir / "live");
   Rng rng = make_rng(4, 4);
   const auto record = [&](std::int64_t index) {
     record::FusedRecord r = plate_record(index, 0.3, 3.5, rng);
@@ -351,15 +284,9 @@ TEST_CASE("reconstruct --follow processes a live run until it is closed") {
   auto first = record(0);
   lose(first, Sensor::radar);
   run->append(first);
-
-  const pid_t child = fork();
-  REQUIRE(child >= 0);
-  if (child == 0) {
-    if (!std::freopen(log.c_str(), "w", stderr)) _exit(126);
-    execl((bin_dir + "/echofuse-recon").c_str(), "echofuse-recon", "reconstruct", model.c_str(),
-          live.c_str(), "--out", out.c_str(), "--follow", "--format", "mm,npy", nullptr);
-    _exit(127);
-  }
+  const pid_t child = start_recon({"reconstruct", made_model("ridge", 60), dir / "live", "--out",
+                                   out, "--follow", "--format", "mm,npy"},
+                                  dir / "log");
   wait_for("record 0",
            [&] { return contents(out + "/records.csv").find("\n0,") != std::string::npos; });
   run->put_axis(radar_axis());
@@ -370,14 +297,11 @@ TEST_CASE("reconstruct --follow processes a live run until it is closed") {
   }
   CHECK(waitpid(child, nullptr, WNOHANG) == 0);
   run->close("complete");
-  int status = 0;
-  REQUIRE(waitpid(child, &status, 0) == child);
-  REQUIRE(WIFEXITED(status));
   // Exit code 5 means that at least one record was excluded, which in this test is record 0.
-  CHECK(WEXITSTATUS(status) == 5);
-  const std::string text = contents(log);
-  CHECK_THAT(text, Catch::Contains("record 0: lacks radar, which the model needs") &&
-                       Catch::Contains("record 3: map ready 0.") &&
-                       Catch::Contains("3 records reconstructed, 1 left out; maps ready 0."));
-  CHECK(numpy("print(n.load('" + out + "/maps.npy').shape)") == "(3, 64, 64)\n");
+  CHECK(exit_code(child) == 5);
+  CHECK_THAT(contents(dir / "log"),
+             Catch::Contains("record 0: lacks radar, which the model needs") &&
+                 Catch::Contains("record 3: map ready 0.") &&
+                 Catch::Contains("3 records reconstructed, 1 left out; maps ready 0."));
+  CHECK(numpy(dir, "print(n.load('o/maps.npy').shape)") == "(3, 64, 64)\n");
 }

@@ -11,58 +11,43 @@ using namespace echofuse::recon;
 using namespace echofuse::test;
 
 TEST_CASE("scores use the foreground and background of the evaluated run, not those of the model") {
-  const Folder dir;
-  const Change wall = [](FusedRecord& r) {
-    for (auto& mm : depth_mm(r)) mm = mm > 0 ? mm : 5000;
+  const ReconFolder dir;
+  const auto wall = [](std::uint16_t wall_mm) {
+    return [=](FusedRecord& r) { std::ranges::replace(depth_mm(r), 0, wall_mm); };
   };
   a_run(160).write(dir / "open");
-  a_run(160, 2, wall).write(dir / "room");
-  a_run(60, 3, wall).write(dir / "fresh");
-  const auto assessed = [&](const std::string& trained_on, const std::string& options) {
-    const std::string model = dir / ("of-" + trained_on);
-    if (!std::filesystem::exists(model))
-      REQUIRE(
-          recon_program("train -q --model ridge " + (dir / trained_on) + " --out " + model).code ==
-          0);
-    const Outcome o = recon_program("evaluate --json " + model + " " + (dir / "fresh") + options);
-    CAPTURE(o.text);
-    REQUIRE(o.code == 0);
-    return nlohmann::json::parse(o.text.substr(o.text.find("{\n")))["trivial"];
+  a_run(160, 2, wall(5000)).write(dir / "room");
+  a_run(60, 3, wall(5000)).write(dir / "fresh");
+  a_run(60, 3, wall(4700)).write(dir / "nearer");
+  for (const std::string run : {"open", "room"})
+    dir.done("train -q --model ridge --out of-" + run + " " + run);
+  const auto assessed = [&](const std::string& words) {
+    return dir.json("evaluate " + words)["trivial"];
   };
-  const std::string train = " --train " + (dir / "room");
-  CHECK(assessed("open", train) == assessed("room", train));
-  const auto open = assessed("open", "")["empty"]["ssim"]["mean"],
-             home = assessed("room", "")["empty"]["ssim"]["mean"];
+  CHECK(assessed("of-open fresh --train room") == assessed("of-room fresh --train room"));
+  const auto open = assessed("of-open fresh")["empty"]["ssim"]["mean"],
+             home = assessed("of-room fresh")["empty"]["ssim"]["mean"];
   CHECK(open.get<double>() == Approx(home.get<double>()).margin(0.01));
   CHECK(home.get<double>() > 0.5);
-  CHECK_THAT(recon_program("evaluate " + (dir / "of-open") + " " + (dir / "fresh")).text,
+  CHECK_THAT(dir.recon("evaluate of-open fresh").text,
              Catch::Contains(
                  "the room differs from the training room: foreground and background are learnt"));
-  CHECK_THAT(recon_program("evaluate " + (dir / "of-room") + " " + (dir / "fresh")).text,
-             !Catch::Contains("the room differs"));
-  a_run(60, 3, [](FusedRecord& r) {
-    for (auto& mm : depth_mm(r)) mm = mm > 0 ? mm : 4700;
-  }).write(dir / "nearer");
-  CHECK_THAT(recon_program("evaluate " + (dir / "of-room") + " " + (dir / "nearer")).text,
-             Catch::Contains("the room differs"));
+  CHECK_THAT(dir.recon("evaluate of-room fresh").text, !Catch::Contains("the room differs"));
+  CHECK_THAT(dir.recon("evaluate of-room nearer").text, Catch::Contains("the room differs"));
 }
 
 TEST_CASE("a run with a moving wall but without a body is reported and is scored by RMSE") {
-  const Folder dir;
+  const ReconFolder dir;
   a_run(200, 1, [](FusedRecord& r) {
     Rng rng = make_rng(9, static_cast<std::uint64_t>(r.index));
     const double z = std::uniform_real_distribution<double>(2.6, 4)(rng);
     r = plate_record(r.index, 0, z, rng);
     std::fill(depth_mm(r).begin(), depth_mm(r).end(), static_cast<std::uint16_t>(1000 * z));
   }).write(dir / "run");
-  const Outcome train =
-      recon_program("train --model auto --inputs spd --set candidates=empty,mean,ridge " +
-                    (dir / "run") + " --out " + (dir / "m"));
-  CAPTURE(train.text);
-  CHECK(train.code == 0);
-  CHECK_THAT(train.text, Catch::Contains("no body in front of the background"));
-  const auto json = nlohmann::json::parse(
-      recon_program("evaluate --json " + (dir / "m") + " " + (dir / "run")).text);
+  CHECK_THAT(
+      dir.done("train --model auto --inputs spd --set candidates=empty,mean,ridge run --out m"),
+      Catch::Contains("no body in front of the background"));
+  const auto json = dir.json("evaluate m run");
   CHECK(json["model"] == "ridge");
   CHECK(json["metrics"]["iou"]["mean"].is_null());
   const double error_m = json["metrics"]["rmse_m"]["mean"];

@@ -20,9 +20,7 @@ constexpr double other_start_m = -0.1;
 // Returns records of plates. If `other` is true, the radar reports ranges that are 10 cm shorter,
 // as it might in another room.
 Dataset plates(std::int64_t count, std::uint64_t seed, bool other) {
-  const Folder dir;
-  a_run(count, seed).write(dir / "run");
-  Dataset data = load({dir / "run"});
+  Dataset data = load_plates(count, seed);
   if (other) subtract_range_offset(data, -other_start_m);
   return data;
 }
@@ -30,9 +28,7 @@ Dataset plates(std::int64_t count, std::uint64_t seed, bool other) {
 const TrainedModel& old_model(const std::string& kind) {
   static std::map<std::string, TrainedModel> models;
   if (!models.contains(kind)) {
-    TrainOptions options;
-    options.model = kind, options.inputs = "fused", options.uncertainty = false;
-    options.fit.quiet = true, options.fit.epochs = 30;
+    TrainOptions options = quiet_options(kind, 30);
     if (kind == "factorised") options.fit.basis = 4;
     if (kind.ends_with("mlp")) options.fit.hidden = {{32}};
     if (kind == "pca-mlp") options.fit.basis = 16;
@@ -52,10 +48,7 @@ TuneOptions all_records() {
 }
 
 double iou(const TrainedModel& model, const Dataset& data) {
-  const Rows rows = all_rows(data.size());
-  return summarise(
-             score_maps(model.predict(data, rows), data, rows, model.first().scene))[metric_iou]
-      .mean;
+  return scores_of(model, data)[metric_iou].mean;
 }
 
 }  // namespace
@@ -110,9 +103,8 @@ TEST_CASE(
 
 TEST_CASE("tuning chooses the better of two start models, whatever their order") {
   const TrainedModel& old = old_model("factorised");
-  TrainOptions options;
-  options.model = "factorised", options.inputs = "fused", options.uncertainty = false;
-  options.fit.quiet = true, options.fit.epochs = 30, options.fit.basis = 4, options.fit.seed = 2;
+  TrainOptions options = quiet_options("factorised-4", 30);
+  options.fit.seed = 2;
   const TrainedModel there = train(plates(300, 2, true), options);
   options.fit.seed = 3;
   const TrainedModel twice = train(plates(300, 3, true), options);
@@ -176,10 +168,8 @@ TEST_CASE("every tuned model can be saved, loaded and evaluated") {
     return load({dir / "run"});
   };
   for (const std::string inputs : {"fused", "fused-profile", "spd"}) {
-    TrainOptions options;
-    options.model = inputs == "spd" ? "pca-mlp-16" : "factorised-4";
-    options.inputs = inputs, options.fallback = true;
-    options.fit.quiet = true, options.fit.epochs = 2;
+    TrainOptions options = quiet_options(inputs == "spd" ? "pca-mlp-16" : "factorised-4", 2);
+    options.inputs = inputs, options.fallback = options.uncertainty = true;
     const TrainedModel old = train(plates_of(inputs, 60, 1), options);
     REQUIRE(old.estimators.size() == (inputs == "fused" ? 3 : inputs == "spd" ? 1 : 2));
     const Dataset fresh = plates_of(inputs, 6, 9);
@@ -223,9 +213,8 @@ TEST_CASE("every tuned model can be saved, loaded and evaluated") {
 TEST_CASE("tuning that trains only on new records adopts their axes and their radar response") {
   const record::RadarResponse narrow{0.5, {1, 0.8, 0.4, 0.1, 0}},
       wide{0.5, {1, 0.94, 0.77, 0.54, 0.3, 0.1, 0}};
-  TrainOptions options;
-  options.model = "factorised-4", options.inputs = "fused", options.fallback = true;
-  options.fit.quiet = true, options.fit.epochs = 2;
+  TrainOptions options = quiet_options("factorised-4", 2);
+  options.fallback = options.uncertainty = true;
   TrainedModel old = train(plates(60, 1, false), options);
   old.response.radar = wide;
   Dataset own = plates(60, 5, false);
@@ -254,26 +243,20 @@ TEST_CASE("tuning that trains only on new records adopts their axes and their ra
 }
 
 TEST_CASE("a model that cannot be tuned is refused with a one-line error") {
-  const Folder dir;
+  const ReconFolder dir;
   save_model(old_model("factorised"), dir / "old");
   a_run(9).write(dir / "few");
-  a_run(20, 1, [](FusedRecord& r) {
-    r.valid = {Sensor::spd, Sensor::depth}, power(r).clear();
-  }).write(dir / "blind");
+  a_run(20, 1, [](FusedRecord& r) { lose(r, Sensor::radar); }).write(dir / "blind");
   a_run(20).write(dir / "run");
-  const std::string old = dir / "old";
-  const auto run = [&](const std::string& name) { return " " + (dir / name); };
   const auto says = [&](const std::string& more, int code, const std::string& text) {
-    const Outcome o = recon_program("train -q --out " + (dir / "new") + " --from " + more);
-    CAPTURE(more, o.text);
-    CHECK(o.code == code);
-    CHECK_THAT(o.text, Catch::Contains(text));
-    CHECK(std::count(o.text.begin(), o.text.end(), '\n') == 1);
+    const std::string said = dir.done("train -q --out new --from " + more, code);
+    CHECK_THAT(said, Catch::Contains(text));
+    CHECK(std::ranges::count(said, '\n') == 1);
   };
-  says(old + run("few"), 1, "9 usable records; tuning needs at least 10");
-  says(old + " --from " + old + run("few"), 1, "9 usable records; tuning needs at least 10");
-  says(old + " --model mlp" + run("run"), 2, "--model cannot be combined with --from");
-  says(old + run("blind"), 1, "");
-  says((dir / "run") + run("run"), 1, "");
-  says(made_model("mean", 20) + run("run"), 1, "cannot be tuned");
+  says("old few", 1, "9 usable records; tuning needs at least 10");
+  says("old --from old few", 1, "9 usable records; tuning needs at least 10");
+  says("old --model mlp run", 2, "--model cannot be combined with --from");
+  says("old blind", 1, "");
+  says("run run", 1, "");
+  says(made_model("mean", 20) + " run", 1, "cannot be tuned");
 }

@@ -65,11 +65,8 @@ Dataset mixed(std::int64_t count, bool behind) {
 
 const TrainedModel& trained() {
   static const TrainedModel model = [] {
-    TrainOptions options;
-    options.model = "factorised-4";
-    options.split.validation_share = 0.3;
-    options.fit.quiet = true;
-    options.fallback = false;
+    TrainOptions options = quiet_options("factorised-4");
+    options.uncertainty = true, options.split.validation_share = 0.3;
     const Folder dir;
     a_run(600).spd(long_axis()).write(dir / "plates");
     return train(load({dir / "plates"}), options);
@@ -122,32 +119,13 @@ TEST_CASE("the two-body test is disabled only if all training records show two p
   const std::size_t count = 400;
   Dataset data = load_plates(count);
   const Dataset bare = data;
-  const auto add_other = [&](Dataset& to, std::size_t i) {
-    for (const auto& [table, from] :
-         {std::pair(&photons(to), &photons(bare)), {&profiles(to), &profiles(bare)}})
-      for (std::size_t c = 0; c < table->cols; ++c)
-        table->row(i)[c] += from->row((i + 7) % count)[c];
-  };
   for (std::size_t i = 0; i < count; i += 5)
-    add_other(data, i), data.records[i].label = two_people_label;
+    add_body(data, i, bare), data.records[i].label = two_people_label;
   const Rows rows = all_rows(count);
-  const auto scores_of = [&](const Dataset& training, const Dataset& of) {
-    const Preprocessing p(training, rows, Inputs::fused,
-                          learn_scene(depth_maps(training), rows, training.map), true);
-    const OutOfDistributionDetector detector(p.alignment, training, p.views, rows, Inputs::fused,
-                                             p.scene, 1);
-    const Features sensors = fit_features(training, rows, Inputs::fused, raw_scaling);
-    return detector.score(align(observe(of, rows, sensors), p.alignment), of, rows);
-  };
-  Dataset two = bare;
-  for (std::size_t i = 0; i < count; ++i) add_other(two, i);
-  const auto scores = scores_of(data, two);
-  const auto flagged =
-      std::count_if(scores.begin(), scores.end(), [](const auto& s) { return !s.reason.empty(); });
-  INFO(flagged);
-  CHECK(flagged > 200);
+  Dataset two = with_second_bodies(bare);
+  CHECK(share_flagged(outlier_scores(data, rows, two)) > 0.5);
   for (RecordInfo& info : two.records) info.label = two_people_label;
-  for (const auto& s : scores_of(two, two)) CHECK(std::isnan(s.two_bodies));
+  for (const auto& s : outlier_scores(two, rows, two)) CHECK(std::isnan(s.two_bodies));
 }
 
 TEST_CASE("records of two people in front of a wall are flagged") {
@@ -163,42 +141,26 @@ TEST_CASE("records of two people in front of a wall are flagged") {
         photons(data).row(i)[c] += static_cast<float>(wall(rng));
     return data;
   };
-  Dataset two = bare;
-  for (std::size_t i = 0; i < count; ++i)
-    for (const auto& [table, from] :
-         {std::pair(&photons(two), &photons(bare)), {&profiles(two), &profiles(bare)}})
-      for (std::size_t c = 0; c < table->cols; ++c)
-        table->row(i)[c] += from->row((i + 7) % count)[c];
-  const Dataset training = before_wall(bare);
-  two = before_wall(std::move(two));
-  const Rows rows = all_rows(count);
-  const Preprocessing p(training, rows, Inputs::fused,
-                        learn_scene(depth_maps(training), rows, training.map), true);
-  const Features sensors = fit_features(training, rows, Inputs::fused, raw_scaling);
-  const OutOfDistributionDetector detector(p.alignment, training, p.views, rows, Inputs::fused,
-                                           p.scene, 1);
+  const Dataset training = before_wall(bare), two = before_wall(with_second_bodies(bare));
   const auto flagged = [&](const Dataset& data) {
-    const auto scores =
-        detector.score(align(observe(data, rows, sensors), p.alignment), data, rows);
-    return std::count_if(scores.begin(), scores.end(),
-                         [](const auto& s) { return s.two_bodies > 1; });
+    return std::ranges::count_if(outlier_scores(training, all_rows(count), data),
+                                 [](const auto& s) { return s.two_bodies > 1; });
   };
   CHECK(flagged(training) < 20);
   CHECK(flagged(two) > 200);
 }
 
 TEST_CASE("reconstruct and evaluate report records with two bodies") {
-  const Folder dir;
+  const ReconFolder dir;
   save_model(trained(), dir / "m");
   write_mixed(dir / "run", 20, false);
-  const auto o = recon_program("reconstruct " + (dir / "m") + " " + (dir / "run") + " --out " +
-                               (dir / "o") + " --format npy");
+  const auto o = dir.recon("reconstruct m run --out o --format npy");
   CHECK(o.code == 0);
   CHECK_THAT(o.text, Catch::Contains("of 20 records are out of distribution: "));
   const std::string table = contents(dir / "o/records.csv");
   CHECK_THAT(table, Catch::Contains("two_bodies,out_of_distribution,uncertainty\n") &&
                         Catch::Contains("\n0,\"ok\",") &&
                         Catch::Contains(",\"two bodies, or one unlike the training records'"));
-  const auto e = recon_program("evaluate " + (dir / "m") + " " + (dir / "run"));
-  CHECK_THAT(e.text, Catch::Contains(" of 10 records with two people are flagged"));
+  CHECK_THAT(dir.done("evaluate m run"),
+             Catch::Contains(" of 10 records with two people are flagged"));
 }

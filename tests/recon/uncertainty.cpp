@@ -19,12 +19,6 @@ using namespace echofuse::test;
 
 namespace {
 
-Dataset fresh_plates(std::int64_t count, const Change& change = {}) {
-  const Folder dir;
-  a_run(count, 2, change).write(dir / "fresh");
-  return load({dir / "fresh"});
-}
-
 const Words more_validation{"--set", "validation_share=0.3"};
 
 const TrainedModel& trained() {
@@ -45,14 +39,6 @@ float nearest_m(const Dataset& data, std::size_t row) {
   for (const float z : depth_maps(data).row(row))
     if (z > 0) out = std::min(out, z);
   return out;
-}
-
-double share_flagged(const std::vector<PredictionUncertainty>& uncertainties,
-                     const std::string& why = "") {
-  double flagged = 0;
-  for (const PredictionUncertainty& c : uncertainties)
-    flagged += !c.out_of_distribution.reason.empty() && c.out_of_distribution.text().find(why) == 0;
-  return flagged / static_cast<double>(uncertainties.size());
 }
 
 }  // namespace
@@ -79,7 +65,7 @@ TEST_CASE("a weighted linear fit recovers known coefficients and ignores records
 
 TEST_CASE(
     "the 90 % interval of the lateral position contains 90 % of bodies and widens with noise") {
-  const Dataset clean = fresh_plates(400);
+  const Dataset clean = load_plates(400, 2);
   const UncertaintyCalibration c = calibration_of(trained(), clean);
   CHECK(c.within_90 == Approx(0.9).margin(0.07));
   Dataset noisy = clean;
@@ -93,16 +79,10 @@ TEST_CASE(
 
 TEST_CASE(
     "outliers are flagged with a reason, and records similar to the training data rarely are") {
-  const Dataset clean = fresh_plates(400);
+  const Dataset clean = load_plates(400, 2);
   CHECK(share_flagged(uncertainties_of(clean)) < 0.03);
 
-  Dataset two = clean;
-  for (std::size_t i = 0; i < two.size(); ++i)
-    for (Matrix* table : {&photons(two), &profiles(two)})
-      for (std::size_t c = 0; c < table->cols; ++c)
-        table->row(i)[c] +=
-            (table == &photons(two) ? photons(clean) : profiles(clean)).row((i + 7) % 400)[c];
-  CHECK(share_flagged(uncertainties_of(two)) > 0.5);
+  CHECK(share_flagged(uncertainties_of(with_second_bodies(clean))) > 0.5);
 
   Rng rng = make_rng(5, 5);
   std::poisson_distribution<int> dark(50);
@@ -119,7 +99,7 @@ TEST_CASE(
   for (float& v : profiles(noise).values) v = normal(rng);
   CHECK(share_flagged(uncertainties_of(noise)) > 0.98);
 
-  const Dataset far = fresh_plates(50, [](FusedRecord& r) {
+  const Dataset far = load_plates(50, 2, [](FusedRecord& r) {
     // The histogram is shifted by 9 bins (54 cm).
     std::rotate(counts(r).begin(), counts(r).end() - 9, counts(r).end());
     std::rotate(power(r).begin(), power(r).end() - 2, power(r).end());
@@ -133,31 +113,12 @@ TEST_CASE(
 }
 
 TEST_CASE("outlier detection does not depend on the order of training records") {
-  const Dataset data = load_plates(600), fresh = fresh_plates(300);
+  const Dataset data = load_plates(600), fresh = load_plates(300, 2);
   Rows rows = all_rows(600);
   std::sort(rows.begin(), rows.end(),
             [&](std::size_t a, std::size_t b) { return nearest_m(data, a) < nearest_m(data, b); });
-  const Preprocessing preprocessing(data, rows, Inputs::fused,
-                                    learn_scene(depth_maps(data), rows, data.map), true);
-  const OutOfDistributionDetector detector(preprocessing.alignment, data, preprocessing.views, rows,
-                                           Inputs::fused, preprocessing.scene, 1);
-  const auto scores_of = [&](const Dataset& of) {
-    const Features raw = fit_features(data, rows, Inputs::fused, raw_scaling);
-    const Rows all = all_rows(of.size());
-    return detector.score(align(observe(of, all, raw), preprocessing.alignment), of, all);
-  };
-  double flagged = 0;
-  for (const auto& s : scores_of(fresh)) flagged += !s.reason.empty();
-  CHECK(flagged / 300 < 0.03);
-  Dataset two = fresh;
-  for (std::size_t i = 0; i < two.size(); ++i)
-    for (Matrix* table : {&photons(two), &profiles(two)})
-      for (std::size_t c = 0; c < table->cols; ++c)
-        table->row(i)[c] +=
-            (table == &photons(two) ? photons(fresh) : profiles(fresh)).row((i + 7) % 300)[c];
-  flagged = 0;
-  for (const auto& s : scores_of(two)) flagged += !s.reason.empty();
-  CHECK(flagged / 300 > 0.5);
+  CHECK(share_flagged(outlier_scores(data, rows, fresh)) < 0.03);
+  CHECK(share_flagged(outlier_scores(data, rows, with_second_bodies(fresh))) > 0.5);
 }
 
 TEST_CASE("outlier detection is fitted to the training records only") {
@@ -166,21 +127,16 @@ TEST_CASE("outlier detection is fitted to the training records only") {
   Rows rows = all_rows(300);
   rows.erase(rows.begin(), rows.begin() + 100);
   const Dataset alone = part_of(data, rows);
-  const auto score = [&](const Dataset& from, const Rows& training) {
-    const Preprocessing p(from, training, Inputs::fused,
-                          learn_scene(depth_maps(from), training, from.map), true);
-    const OutOfDistributionDetector detector(p.alignment, from, p.views, training, Inputs::fused,
-                                             p.scene, 1);
+  const auto scores = [&](const Dataset& training, const Rows& of_training) {
     std::vector<double> out;
-    for (const auto& s : detector.score(take_rows(p.views, training), from, training))
-      out.push_back(s.two_bodies);
+    for (const auto& s : outlier_scores(training, of_training, alone)) out.push_back(s.two_bodies);
     return out;
   };
-  CHECK(score(data, rows) == score(alone, all_rows(200)));
+  CHECK(scores(data, rows) == scores(alone, all_rows(200)));
 }
 
 TEST_CASE("photon thinning keeps the expected fraction of non-integer counts") {
-  Dataset data = fresh_plates(100);
+  Dataset data = load_plates(100, 2);
   // In a calibrated run, the range correction makes the counts fractional.
   std::fill(photons(data).values.begin(), photons(data).values.end(), 0.75f);
   Rng rng = make_rng(3, 3);
@@ -194,7 +150,7 @@ TEST_CASE("photon thinning keeps the expected fraction of non-integer counts") {
 
 TEST_CASE("degrading a record adds noise of the same relative strength to all antenna lags") {
   constexpr std::size_t records = 400, bins = 40, values = 5;
-  Dataset data = fresh_plates(records);
+  Dataset data = load_plates(records, 2);
   antenna_lags(data).axis = Axis{"array", "lags", "m", bins, 0, 0.25, 2};
   antenna_lags(data) = Matrix(records, bins * values);
   for (std::size_t i = 0; i < records; ++i) antenna_lags(data).row(i)[0] = 7;
@@ -259,15 +215,15 @@ TEST_CASE(
     "records with a wider radar response are rarely flagged, and intervals cover most errors") {
   Dataset training = load_plates(800);
   training.sources[0].response.radar = bell(1);
-  TrainOptions options;
-  options.model = "factorised-4", options.split.validation_share = 0.3, options.fit.quiet = true;
+  TrainOptions options = quiet_options("factorised-4");
+  options.uncertainty = true, options.split.validation_share = 0.3;
   const TrainedModel model = train(training, options);
   for (const double times : {1.2, 1.5, 1.8}) {
     CAPTURE(times);
     const auto weights = response_filter(bell(1), bell(times), radar_axis().step);
     Rng rng = make_rng(3, 3);
     std::normal_distribution<float> noise(0, 0.002f);
-    Dataset data = fresh_plates(400, [&](FusedRecord& r) {
+    Dataset data = load_plates(400, 2, [&](FusedRecord& r) {
       const std::vector<float> narrow = power(r);
       const auto count = std::ssize(narrow), reach = std::ssize(weights) / 2;
       for (std::ptrdiff_t i = 0; i < count; ++i) {
@@ -286,7 +242,7 @@ TEST_CASE(
 }
 
 TEST_CASE("the lateral interval includes the range error, or a note reports what is missing") {
-  const Dataset plain = fresh_plates(40);
+  const Dataset plain = load_plates(40, 2);
   const Records records = prepare_records(trained(), plain);
   CHECK_THAT(records.ranges, Catch::Contains("does not contain a calibration of both sensors"));
   const auto assumed = uncertainties_of(records.data);
@@ -311,10 +267,8 @@ TEST_CASE("the lateral interval includes the range error, or a note reports what
 
 TEST_CASE("the range error of a run joins both calibration errors and the mounting tolerance") {
   const Folder dir;
-  const record::CalibrationEntry spd{Sensor::spd, "2026-01-01T00:00:00Z", "", 1, 0, 0.003},
-      radar{Sensor::radar, "2026-01-01T00:00:00Z", "", 1, 0, 0.004};
-  a_run(3).calibration(spd).calibration(radar).write(dir / "both");
-  a_run(3, 2).calibration(radar).write(dir / "one");
+  a_run(3).offset(Sensor::spd, 0, 0.003).offset(Sensor::radar, 0, 0.004).write(dir / "both");
+  a_run(3, 2).offset(Sensor::radar, 0, 0.004).write(dir / "one");
   const Source both = load({dir / "both"}).sources[0], one = load({dir / "one"}).sources[0];
   CHECK(both.calibration_error_m.value() == Approx(0.005));
   CHECK(both.range_error_m() == Approx(std::hypot(0.005, 0.003)));
@@ -335,7 +289,7 @@ TEST_CASE("single-sensor models flag outliers") {
     CAPTURE(inputs);
     const TrainedModel model =
         trained_model("ridge", 400, {"--inputs", inputs, "--set", "validation_share=0.3"});
-    Dataset data = fresh_plates(200);
+    Dataset data = load_plates(200, 2);
     const Rows rows = all_rows(200);
     CHECK(share_flagged(predict(model, data, rows).uncertainties) < 0.04);
     Rng rng = make_rng(6, 6);
@@ -347,7 +301,7 @@ TEST_CASE("single-sensor models flag outliers") {
 }
 
 TEST_CASE("pixel uncertainty matches the depth errors, and the expected depth has a low RMSE") {
-  const Dataset data = fresh_plates(300);
+  const Dataset data = load_plates(300, 2);
   const Rows rows = all_rows(300);
   for (const std::string name : {"factorised-4", "ridge"}) {
     CAPTURE(name);
@@ -365,18 +319,17 @@ TEST_CASE("pixel uncertainty matches the depth errors, and the expected depth ha
 }
 
 TEST_CASE("the expected depth in an empty room is the depth of the wall") {
-  const Folder dir;
-  a_run(300, 1, [](FusedRecord& r) {
-    for (auto& mm : depth_mm(r)) mm = mm > 0 ? mm : 5000;
+  const Dataset walled = load_plates(300, 1, [](FusedRecord& r) {
+    std::ranges::replace(depth_mm(r), 0, 5000);
     // The SPD does not detect one object in ten, so the model learns that an object may be
     // outside the predicted mask.
     for (std::size_t i = 0; i < counts(r).size() && r.index % 10 == 0; ++i)
       counts(r)[i] = 3 + i % 2;
-  }).write(dir / "walled");
-  TrainOptions options;
-  options.model = "factorised-4", options.split.validation_share = 0.3, options.fit.quiet = true;
-  const TrainedModel model = train(load({dir / "walled"}), options);
-  Dataset empty = fresh_plates(3);
+  });
+  TrainOptions options = quiet_options("factorised-4");
+  options.uncertainty = true, options.split.validation_share = 0.3;
+  const TrainedModel model = train(walled, options);
+  Dataset empty = load_plates(3, 2);
   for (std::size_t i = 0; i < photons(empty).values.size(); ++i)
     photons(empty).values[i] = static_cast<float>(3 + i % 2);
   const Prediction a = predict(model, empty, all_rows(3), PredictionDetail::pixels);
@@ -386,7 +339,7 @@ TEST_CASE("the expected depth in an empty room is the depth of the wall") {
 TEST_CASE(
     "a loaded model predicts the same uncertainty as the saved model, or none if it had none") {
   const Folder dir;
-  const Dataset data = fresh_plates(20);
+  const Dataset data = load_plates(20, 2);
   save_model(trained(), dir / "m");
   const auto a = uncertainties_of(data);
   const auto b = predict(load_model(dir / "m"), data, all_rows(20)).uncertainties;
@@ -408,57 +361,45 @@ TEST_CASE(
 
 TEST_CASE(
     "a model of 90 training records has a cross-fitted uncertainty, and a model of 40 has none") {
-  const Folder dir;
-  a_run(90).write(dir / "few");
-  a_run(40).write(dir / "fewer");
-  a_run(60, 2).write(dir / "fresh");
+  const ReconFolder dir;
+  a_run(90).write(dir / "few"), a_run(40).write(dir / "fewer"), a_run(60, 2).write(dir / "fresh");
   const std::string train = "train -q --set fallback=false --model factorised-2 --epochs 20 ";
-  for (const std::string run : {"few", "fewer"})
-    REQUIRE(recon_program(train + (dir / run) + " --out " + (dir / run + ".h5")).code == 0);
+  for (const std::string run : {"few", "fewer"}) dir.done(train + run + " --out " + run + ".h5");
   const TrainedModel model = load_model(dir / "few.h5");
   REQUIRE(model.first().uncertainty);
-  CHECK(calibration_of(model, fresh_plates(300)).within_90 == Approx(0.9).margin(0.1));
-  CHECK(share_flagged(predict(model, fresh_plates(300), all_rows(300)).uncertainties) < 0.08);
+  CHECK(calibration_of(model, load_plates(300, 2)).within_90 == Approx(0.9).margin(0.1));
+  CHECK(share_flagged(predict(model, load_plates(300, 2), all_rows(300)).uncertainties) < 0.08);
 
   CHECK_FALSE(load_model(dir / "fewer.h5").first().uncertainty);
-  const auto o = recon_program("reconstruct " + (dir / "fewer.h5") + " " + (dir / "fresh") +
-                               " --out " + (dir / "o") + " --format npy");
-  CHECK_THAT(o.text,
+  CHECK_THAT(dir.done("reconstruct fewer.h5 fresh --out o --format npy"),
              Catch::Contains("not calibrated: calibration needs a model with sensor inputs"));
   CHECK_THAT(contents(dir / "o/records.csv"), Catch::Contains(",,,,,not calibrated\n"));
   CHECK_THAT(contents(dir / "o/run.txt"), Catch::EndsWith("not calibrated\n"));
-  CHECK_THAT(recon_program("evaluate " + (dir / "fewer.h5") + " " + (dir / "fresh")).text,
-             Catch::Contains("not calibrated"));
+  CHECK_THAT(dir.recon("evaluate fewer.h5 fresh").text, Catch::Contains("not calibrated"));
 }
 
 TEST_CASE("reconstruct and evaluate report the uncertainty of the predictions") {
-  const Folder dir;
+  const ReconFolder dir;
   save_model(trained(), dir / "m");
   a_run(40, 3, [](FusedRecord& r) {
     for (std::size_t i = 0; i < counts(r).size() && r.index == 5; ++i) counts(r)[i] = 3 + i % 2;
   }).write(dir / "run");
-  const auto o = recon_program("reconstruct " + (dir / "m") + " " + (dir / "run") + " --out " +
-                               (dir / "o") + " --format uncertainty,npy");
+  const auto o = dir.recon("reconstruct m run --out o --format uncertainty,npy");
   CHECK(o.code == 0);
   CHECK_THAT(o.text, Catch::Contains("of 40 records are out of distribution: ") &&
                          Catch::Contains("1 empty"));
   const std::string table = contents(dir / "o/records.csv");
-  CHECK_THAT(table,
-             Catch::StartsWith("record,status,after_slot_s,x_m,z_m,lateral_interval_90_m,distance,"
-                               "two_bodies,out_of_distribution,uncertainty\n"));
+  CHECK_THAT(table, Catch::StartsWith("record,status,after_slot_s,x_m,z_m,lateral_interval_90_m,"
+                                      "distance,two_bodies,out_of_distribution,uncertainty\n"));
   CHECK_THAT(table, Catch::Contains("\n5,\"ok\",,,") && Catch::Contains(",\"empty\",calibrated\n"));
-  const std::string png = contents(dir / "o/000007_sd.png");
-  const auto mm = recon::decode_png16(Bytes(png.begin(), png.end()), 64, 64);
-  const auto most = *std::max_element(mm.begin(), mm.end());
+  const auto most = std::ranges::max(picture(dir / "o/000007_sd.png"));
   // A pixel at the edge of a plate at 3500 mm may show either the plate or the background, so its
   // standard deviation is large.
   CHECK(most > 300);
   CHECK(most < 2500);
   CHECK(std::filesystem::file_size(dir / "o/deviation.npy") > 40 * 64 * 64 * 4);
 
-  const auto e = recon_program("evaluate --json " + (dir / "m") + " " + (dir / "run"));
-  REQUIRE(e.code == 0);
-  const auto json = nlohmann::json::parse(e.text);
+  const auto json = dir.json("evaluate m run");
   CHECK(json["calibration"]["within_lateral_interval_90"].get<double>() > 0.7);
   CHECK(json["calibration"]["flagged"].get<double>() >= 1 / 40.0);
 }

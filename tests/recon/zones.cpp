@@ -133,13 +133,9 @@ Dataset plates_in_zones(std::size_t records, bool by_side) {
 // Returns the mean lateral error in m of a factorised model that uses only the detector zones.
 double lateral_error_m(bool by_side) {
   const Dataset data = plates_in_zones(400, by_side);
-  const Rows rows = all_rows(data.size());
-  TrainOptions options;
-  options.model = "factorised-4", options.inputs = "spd", options.uncertainty = false;
-  options.fit.quiet = true, options.fit.epochs = 30;
-  const TrainedModel model = train(data, options);
-  const Matrix maps = model.predict(data, rows);
-  return summarise(score_maps(maps, data, rows, model.first().scene))[metric_lateral_m].mean;
+  TrainOptions options = quiet_options("factorised-4", 30);
+  options.inputs = "spd";
+  return scores_of(train(data, options), data)[metric_lateral_m].mean;
 }
 
 }  // namespace
@@ -150,9 +146,8 @@ TEST_CASE("the factorised model finds the lateral body position from detector zo
 }
 
 TEST_CASE("the fallback model for missing radar data is factorised if the run has zones") {
-  TrainOptions options;
-  options.model = "ridge", options.uncertainty = false, options.fallback = true;
-  options.fit.quiet = true, options.fit.epochs = 2;
+  TrainOptions options = quiet_options("ridge", 2);
+  options.fallback = true;
   const TrainedModel model = train(plates_in_zones(60, true), options);
   REQUIRE(model.estimators.size() == 2);
   CHECK(model.estimators[1].name == "factorised");
@@ -161,10 +156,9 @@ TEST_CASE("the fallback model for missing radar data is factorised if the run ha
 TEST_CASE("a model of zones refuses zones in another order, mirrored or without directions") {
   const Folder dir;
   nine_zones(24).write(dir / "a");
-  TrainOptions options;
-  options.inputs = "spd", options.model = "ridge", options.uncertainty = false;
-  save_model(train(load({dir / "a"}), options), dir / "m");
-  const TrainedModel model = load_model(dir / "m");
+  TrainOptions options = quiet_options("ridge");
+  options.inputs = "spd";
+  const TrainedModel model = train(load({dir / "a"}), options);
   const auto prepared = [&](auto change) {
     Dataset data = load({dir / "a"});
     change(photons(data).axis.zones);
