@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: MIT
 // Benchmark of the radar parser, compared with memcpy of the same bytes. The stream has the format
 // of TI's stock demo. Each frame of 640 bytes contains 256 bins, statistics and the temperature.
-// The stream arrives in pieces of 4 KiB, as from a serial port. Prints the best of 5 runs on one
-// core.
-#include <chrono>
+// The stream arrives in pieces of 4 KiB, as from a serial port. Prints the best of 5
+// processor times.
 #include <cstdio>
 #include <cstring>
 
 #include "drivers/core/random.hpp"
 #include "drivers/radar/frame_parser.hpp"
+#include "limits.hpp"
 
 using namespace echofuse;
 
@@ -41,24 +41,12 @@ Bytes make_stream() {
   return out;
 }
 
-template <class Work>
-double best_seconds(const Work& work) {
-  double best = 1e9;
-  for (int i = 0; i < 5; ++i) {
-    const auto begin = std::chrono::steady_clock::now();
-    work();
-    const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begin;
-    best = std::min(best, took.count());
-  }
-  return best;
-}
-
 }  // namespace
 
 int main() {
   const Bytes stream = make_stream();
   std::uint64_t delivered = 0;
-  const double parse_s = best_seconds([&] {
+  const double parse_s = bench::best_s(5, [&] {
     radar::FrameParser parser(12);
     const auto take = [&](const RadarFrame& f) { delivered += f.power.size() == bins; };
     for (std::size_t at = 0; at < stream.size(); at += piece)
@@ -68,7 +56,7 @@ int main() {
   });
   if (delivered != 5 * frames) return 1;
   Bytes copy(stream.size());
-  const double copy_s = best_seconds([&] {
+  const double copy_s = bench::best_s(5, [&] {
     for (std::size_t at = 0; at < stream.size(); at += piece)
       std::memcpy(copy.data() + at, stream.data() + at, std::min(piece, stream.size() - at));
   });
