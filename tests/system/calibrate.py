@@ -24,11 +24,13 @@ SPD_PS, RADAR_M = 437, 0.037
 SPD_M = SPD_PS * 299792458 / 2e12
 
 
+def settings(*pairs):
+    return [word for pair in pairs for word in ("--set", pair)]
+
+
 class Calibrate(unittest.TestCase):
     def setUp(self):
-        folder = tempfile.TemporaryDirectory(prefix="echofuse-")
-        self.addCleanup(folder.cleanup)
-        self.dir = pathlib.Path(folder.name)
+        self.dir = pathlib.Path(self.enterContext(tempfile.TemporaryDirectory(prefix="echofuse-")))
 
     def lab(self, *command, cfg=config / "xwr68xx_44mm.cfg", sets=("--set", f"radar_bias_m={RADAR_M}")):
         return waiting.run([bin_dir / "echofuse-sim", "lab", "--dir", self.dir / "lab", "--scene", "reflector", "--window", "1",
@@ -36,16 +38,27 @@ class Calibrate(unittest.TestCase):
                             "--", bin_dir / "echofuse-acquire", *command], text=True,
                            stdout=subprocess.PIPE, stderr=subprocess.PIPE, timeout=60)
 
-    def calibrate(self, *options):
-        return self.lab("calibrate", "--config", self.dir / "lab/lab.toml", "--json", "--repeat", "6", "--time",
-                        "0.4", "--window", "0.3", *options)
+    def calibrate(self, *options, **how):
+        """Calibrates with --json. Returns the finished process and the JSON object that it printed last."""
+        done = self.lab("calibrate", "--config", self.dir / "lab/lab.toml", "--json", *options, **how)
+        return done, json.loads(done.stdout.splitlines()[-1])
+
+    def info(self, run):
+        return json.loads(subprocess.run([bin_dir / "echofuse-acquire", "info", "--json", run], check=True,
+                                         stdout=subprocess.PIPE).stdout)
+
+    def dataset(self, name, *words):
+        """Simulates four records like the calibration. Returns the run."""
+        run = self.dir / f"{name}.sqlite"
+        subprocess.run([bin_dir / "echofuse-sim", "dataset", "-q", "--out", run, "--records", "4", *words], check=True)
+        return run
 
     def test_calibrate_measures_range_offsets_that_a_run_stores(self):
         stored = self.dir / "calibration.toml"
         uses = ("--set", f"run.calibration={stored}")
-        done = self.calibrate(*uses)
+        done, said = self.calibrate("--repeat", "6", "--time", "0.4", "--window", "0.3", *uses)
         self.assertEqual(done.returncode, 0, done.stderr)
-        spd, radar = json.loads(done.stdout.splitlines()[-1])["sensors"]
+        spd, radar = said["sensors"]
         for sensor, true_m in (spd, SPD_M), (radar, RADAR_M):
             # On average, points on the reflector plate are less than 0.02 mm farther away than the centre of the
             # plate.
@@ -57,31 +70,28 @@ class Calibrate(unittest.TestCase):
         self.assertAlmostEqual(spd["reflector_error_m"], 2e-3, 6)
         self.assertAlmostEqual(radar["reflector_error_m"], math.sqrt(1 + .5 * .5 * 2) / math.sqrt(1.25) * 2e-3, 5)
         self.assertAlmostEqual(radar["true_range_m"], math.sqrt(1.25), 6)
-        self.assertNotIn("kept", json.loads(done.stdout.splitlines()[-1]))
+        self.assertNotIn("kept", said)
         run = self.lab("run", "--config", self.dir / "lab/lab.toml", "--out", self.dir / "run", "--count", "1", *uses)
         self.assertEqual(run.returncode, 0, run.stderr)
-        info = json.loads(subprocess.run([bin_dir / "echofuse-acquire", "info", "--json", self.dir / "run.sqlite"],
-                                         check=True, stdout=subprocess.PIPE).stdout)
+        info = self.info(self.dir / "run.sqlite")
         self.assertEqual([c["sensor"] for c in info["calibrations"]], ["spd", "radar"])
         # The sensor responses of the simulated laboratory must be measured and stored in the run.
-        response = json.loads(done.stdout.splitlines()[-1])["response"]
+        response = said["response"]
         width, _, error = response["irf_fwhm_ps"].partition(" +- ")
         self.assertLess(abs(float(width) - 200), 5 * float(error), response)
         taps = [float(tap) for tap in response["radar_taps"].partition(" +- ")[0].split()]
         # The expected taps are the response of a Blackman window, sampled at quarters of a range cell.
         for tap, blackman in zip(taps, (1, .939, .776, .563)):
             self.assertLess(abs(tap - blackman), .02, response)
-        unstated = json.loads(done.stdout.splitlines()[-1]).get("unstated", {})
+        unstated = said.get("unstated", {})
         if done.starved and "radar_noise_exponent" in unstated:
             waiting.not_checked(f"exponent of the radar noise ({unstated['radar_noise_exponent']})", done.starved)
         else:
             exponent, _, error = response["radar_noise_exponent"].partition(" +- ")
             self.assertLess(abs(float(exponent) + .5), 5 * float(error), response)
         self.assertEqual({key: info["meta"][key] for key in response}, response)
-        like = self.dir / "like.sqlite"
-        subprocess.run([bin_dir / "echofuse-sim", "dataset", "-q", "--out", like, "--records", "4", "--like", stored], check=True)
-        made = json.loads(subprocess.run([bin_dir / "echofuse-acquire", "info", "--json", like], check=True,
-                                         stdout=subprocess.PIPE).stdout)["meta"]
+        like = self.dataset("like", "--like", stored)
+        made = self.info(like)["meta"]
         self.assertEqual(made["radar_taps"].split()[:16], response["radar_taps"].split()[:16])
         self.assertEqual(made["irf_fwhm_ps"], response["irf_fwhm_ps"].partition(" +- ")[0])
         # Simulated and recorded runs must have equal axes, so that a model can be trained on both kinds of runs.
@@ -101,11 +111,9 @@ class Calibrate(unittest.TestCase):
         stored = self.dir / "calibration.toml"
 
         def measure(before, *options, bias_m=.05):
-            sets = [f"reflector_before={before}", f"radar_bias_m={bias_m}", "baseline_m=0.4"]
-            done = self.lab("calibrate", "--config", self.dir / "lab/lab.toml", "--json", "--repeat",
-                            "4", "--time", "0.3", "--set", f"run.calibration={stored}", *options,
-                            sets=[word for one in sets for word in ("--set", one)])
-            return done.returncode, json.loads(done.stdout.splitlines()[-1])["sensors"][0]
+            done, said = self.calibrate("--repeat", "4", "--time", "0.3", "--set", f"run.calibration={stored}", *options,
+                                        sets=settings(f"reflector_before={before}", f"radar_bias_m={bias_m}", "baseline_m=0.4"))
+            return done.returncode, said["sensors"][0]
 
         for before, command, place in (("each", "detector", "radar"), ("detector", "each", "detector")):
             code, said = measure(before, "--reflector", command, "--only", "radar")
@@ -128,10 +136,7 @@ class Calibrate(unittest.TestCase):
         second = tomllib.loads(stored.read_text())
         self.assertEqual(second["spd"], first["spd"])
         self.assertLess(abs(second["radar"]["offset_m"] - .05), 2e-3)
-        like = self.dir / "like.sqlite"
-        subprocess.run([bin_dir / "echofuse-sim", "dataset", "-q", "--out", like, "--records", "4",
-                        "--like", stored], check=True)
-        with contextlib.closing(sqlite3.connect(like)) as db:
+        with contextlib.closing(sqlite3.connect(self.dataset("like", "--like", stored))) as db:
             resolved = "\n".join(str(v) for row in db.execute("SELECT * FROM run") for v in row)
         self.assertIn("baseline_m = 0.4", resolved)
 
@@ -186,11 +191,9 @@ class Calibrate(unittest.TestCase):
         hann = " ".join(str(((1, .25)[int(u)] if u in (0, 1) else (math.sin(math.pi * u) / (math.pi * u * (1 - u * u))) ** 2))
                         for u in (k / 4 for k in range(24)))
         for distance_m, leakage in (3, 1), (3, 10), (1, .1), (1, 1), (1, 10):
-            sets = [f"reflector_z_m={distance_m}", f"radar_leakage={leakage}", f"radar_taps={hann}"]
-            done = self.lab("calibrate", "--config", self.dir / "lab/lab.toml", "--json", "--repeat", "4", "--distance", str(distance_m),
-                            "--window", "0.6", "--set", f"run.calibration={self.dir / 'windows.toml'}",
-                            cfg=config / "xwr68xx_paper_50cm.cfg", sets=[word for one in sets for word in ("--set", one)])
-            said = json.loads(done.stdout.splitlines()[-1])
+            _, said = self.calibrate("--repeat", "4", "--distance", str(distance_m), "--window", "0.6", "--set",
+                                     f"run.calibration={self.dir / 'windows.toml'}", cfg=config / "xwr68xx_paper_50cm.cfg", sets=settings(
+                                         f"reflector_z_m={distance_m}", f"radar_leakage={leakage}", f"radar_taps={hann}"))
             self.assertEqual(distance_m == 3, "radar_taps" in said["response"], said)
             if distance_m == 1:
                 self.assertIn("transmitter leakage", said["unstated"]["radar_taps"])
@@ -218,27 +221,17 @@ class Calibrate(unittest.TestCase):
         powers = self.asymmetric()
         for flanks, higher in (powers, "far"), (powers[::-1], "near"):
             peak = flanks.index("1.00000")
-            taps = f"radar_taps={' '.join(flanks)}"
-            sets = ["reflector_before=each", "reflector_z_m=3", taps]
             stored = self.dir / f"{higher}.toml"
-            done = self.lab("calibrate", "--config", self.dir / "lab/lab.toml", "--json",
-                            "--repeat", "4", "--distance", "3", "--window", "0.6", "--reflector",
-                            "each", "--set", f"run.calibration={stored}",
-                            cfg=config / "xwr68xx_paper_50cm.cfg",
-                            sets=[word for one in sets for word in ("--set", one)])
+            done, said = self.calibrate("--repeat", "4", "--distance", "3", "--window", "0.6", "--reflector", "each", "--set",
+                                        f"run.calibration={stored}", cfg=config / "xwr68xx_paper_50cm.cfg", sets=settings(
+                                            "reflector_before=each", "reflector_z_m=3", f"radar_taps={' '.join(flanks)}"))
             self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
-            said = json.loads(done.stdout.splitlines()[-1])
             found, radar = said["lopsided"], said["sensors"][1]
             odd = [float(a) - float(b) for a, b in zip(flanks[peak + 1:], flanks[peak - 1::-1])]
             self.assertAlmostEqual(found["flank_difference"], max(odd, key=abs), delta=.03, msg=said)
             self.assertEqual(found["flank_difference"] > 0, higher == "far", said)
             self.assertLess(abs(radar["offset_m"]), .01, said)
-            like = self.dir / f"{higher}.sqlite"
-            subprocess.run([bin_dir / "echofuse-sim", "dataset", "-q", "--out", like, "--records",
-                            "4", "--like", stored], check=True)
-            info = subprocess.run([bin_dir / "echofuse-acquire", "info", "--json", like],
-                                  check=True, stdout=subprocess.PIPE)
-            stated = json.loads(info.stdout)["meta"]["radar_taps"].split()
+            stated = self.info(self.dataset(higher, "--like", stored))["meta"]["radar_taps"].split()
             measured = said["response"]["radar_taps"].partition(" +- ")[0].split()
             self.assertEqual(measured[15], "1")
             self.assertEqual([float(tap) for tap in stated], [float(tap) for tap in measured])

@@ -43,8 +43,7 @@ def grow(run, out, records):
 class Day(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        cls.folder = tempfile.TemporaryDirectory(prefix="echofuse-")
-        cls.dir = pathlib.Path(cls.folder.name)
+        cls.dir = pathlib.Path(cls.enterClassContext(tempfile.TemporaryDirectory(prefix="echofuse-")))
         seed = cls.dir / "seed.sqlite"
         subprocess.run([bin_dir / "echofuse-sim", "dataset", "-q", "--out", seed, "--records", str(MADE), "--set",
                         "radar_antennas=8"], check=True)
@@ -52,10 +51,6 @@ class Day(unittest.TestCase):
                        check=True)
         for records in TENTH, DAY:
             grow(seed, cls.dir / f"{records}.sqlite", records)
-
-    @classmethod
-    def tearDownClass(cls):
-        cls.folder.cleanup()
 
     def cost(self, command, use=None):
         """Runs a command and returns its processor time in s and its peak memory in bytes. If `use` is given, it is

@@ -44,7 +44,7 @@ echo "$ECHOFUSE_TEXT" >>{calls}
         prefix = () if not shutil.which("setpriv") else ("setpriv", "--no-new-privs", "--bounding-set=-all")
         daemon = self.start([*prefix, bin_dir / "echofuse-acquire", "run", "--json", "--config", config, "--out", self.run,
                              "--set", f"run.window_s={SLOT_S}", "--keep-raw", self.dir / "raw"],
-                            env=live.os.environ | {"LD_LIBRARY_PATH": str(self.dir / "lab/openni")},
+                            env=self.environment(),
                             stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         wait_for("a record of all sensors", lambda: self.committed() >= 3 and self.rows()[-1]["valid"] == 7, 60)
         self.close_lab()

@@ -13,7 +13,7 @@ import time
 import unittest
 
 import live
-from live import bin_dir, wait_for
+from live import wait_for
 
 
 class Ends(live.Live):

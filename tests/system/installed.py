@@ -14,6 +14,8 @@ import unittest
 
 build = pathlib.Path(sys.argv[1]).resolve().parent
 source = pathlib.Path(__file__).resolve().parents[2]
+# Environment of a user, without the settings of the tests.
+OWN = {name: value for name, value in os.environ.items() if name not in ("ECHOFUSE_LOCKS", "XDG_CONFIG_HOME")}
 
 
 def run(*words, **how):
@@ -25,16 +27,11 @@ def run(*words, **how):
 class Installed(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        cls.folder = tempfile.TemporaryDirectory(prefix="echofuse-installed-")
-        cls.dir = pathlib.Path(cls.folder.name)
+        cls.dir = pathlib.Path(cls.enterClassContext(tempfile.TemporaryDirectory(prefix="echofuse-installed-")))
         # The files are installed in a staging folder and then moved, as is done for a package.
-        run("cmake", "--install", build, "--prefix", cls.dir / "opt", env={k: v for k, v in os.environ.items() if k not in ("ECHOFUSE_LOCKS", "XDG_CONFIG_HOME")} | {"DESTDIR": str(cls.dir / "stage")})
+        run("cmake", "--install", build, "--prefix", cls.dir / "opt", env=OWN | {"DESTDIR": str(cls.dir / "stage")})
         shutil.move(str(cls.dir / "stage") + str(cls.dir / "opt"), cls.dir)
         cls.prefix = cls.dir / "opt"
-
-    @classmethod
-    def tearDownClass(cls):
-        cls.folder.cleanup()
 
     def files(self):
         return [path for path in self.prefix.rglob("*") if path.is_file()]
@@ -64,7 +61,7 @@ class Installed(unittest.TestCase):
             HOME=$PWD/home echofuse-acquire config check
             echofuse-bridge-timetagger --help"""
         words = ["unshare", "--mount", "sh", "-c", script] if hide else ["sh", "-c", script]
-        said = run(*words, cwd=self.dir, env={k: v for k, v in os.environ.items() if k not in ("ECHOFUSE_LOCKS", "XDG_CONFIG_HOME")} | {"PATH": f"{self.prefix}/bin:{os.environ['PATH']}"})
+        said = run(*words, cwd=self.dir, env=OWN | {"PATH": f"{self.prefix}/bin:{os.environ['PATH']}"})
         self.assertIn("home/.config/echofuse/lab.toml: ok", said)
         self.assertIn("--conditional-filter", said)
         self.assertIn('"records": 3', (self.dir / "info.json").read_text())
@@ -78,7 +75,7 @@ class Installed(unittest.TestCase):
     def test_installed_python_package_can_be_imported(self):
         module, = self.prefix.glob("lib/python3*/dist-packages/echofuse")
         said = run("/usr/bin/python3", "-c", "import echofuse; print(echofuse.__file__)", cwd=self.dir,
-                   env={k: v for k, v in os.environ.items() if k not in ("ECHOFUSE_LOCKS", "XDG_CONFIG_HOME")} | {"PYTHONPATH": module.parent, "PYTHONDONTWRITEBYTECODE": "1"})
+                   env=OWN | {"PYTHONPATH": module.parent, "PYTHONDONTWRITEBYTECODE": "1"})
         self.assertEqual(said.strip(), str(module / "__init__.py"))
 
     def test_manuals_contain_no_dead_links(self):
@@ -112,7 +109,7 @@ class Installed(unittest.TestCase):
             script = f""". {self.prefix}/share/bash-completion/completions/{words[0]}
                 COMP_WORDS=("$@") COMP_CWORD=$(($# - 1)); _echofuse; echo "${{COMPREPLY[@]}}" """
             return run("bash", "-c", script, "bash", *words, cwd=self.prefix / "lib",
-                       env={k: v for k, v in os.environ.items() if k not in ("ECHOFUSE_LOCKS", "XDG_CONFIG_HOME")} | {"PATH": f"{self.prefix}/bin:{os.environ['PATH']}"}).split()
+                       env=OWN | {"PATH": f"{self.prefix}/bin:{os.environ['PATH']}"}).split()
         self.assertEqual(offered("echofuse-acquire", "im"), ["import"])
         self.assertEqual(offered("echofuse-acquire", "config", "s"), ["show", "systemd", "sysusers.d"])
         self.assertEqual(offered("echofuse-sim", "lab", "--scene", "re"), ["reflector"])

@@ -41,9 +41,7 @@ def differences(documented, found, place):
 
 class JsonKeys(unittest.TestCase):
     def setUp(self):
-        folder = tempfile.TemporaryDirectory(prefix="echofuse-json-")
-        self.addCleanup(folder.cleanup)
-        self.dir = pathlib.Path(folder.name)
+        self.dir = pathlib.Path(self.enterContext(tempfile.TemporaryDirectory(prefix="echofuse-json-")))
 
     def call(self, *words, ok=(0,)):
         done = subprocess.run(list(map(str, words)), cwd=self.dir, capture_output=True, text=True, timeout=120,

@@ -31,8 +31,7 @@ class Live(unittest.TestCase):
     lab_options = ("--hold", str(2 * WINDOW_S), "--laser-rate-hz", "2e7", "--set", "signal_photons=5e4")
 
     def setUp(self):
-        self.folder = tempfile.TemporaryDirectory(prefix="echofuse-")
-        self.dir = pathlib.Path(self.folder.name)
+        self.dir = pathlib.Path(self.enterContext(tempfile.TemporaryDirectory(prefix="echofuse-")))
         self.run = self.dir / "run.sqlite"
         self.processes = []
         sent = ("--log", self.dir / "sent.jsonl") if self._testMethodName == "test_terminal_hangup_ends_each_device_command" else ()
@@ -49,17 +48,20 @@ class Live(unittest.TestCase):
             if process.poll() is None:
                 process.kill()
             process.communicate()
-        self.folder.cleanup()
 
     def start(self, command, **streams):
         process = subprocess.Popen(list(map(str, command)), **streams)
         self.processes.append(process)
         return process
 
+    def environment(self, **more):
+        """Returns the environment of programs that use the OpenNI2 library of the laboratory."""
+        return os.environ | {"LD_LIBRARY_PATH": str(self.dir / "lab/openni")} | more
+
     def record(self, *options, **how):
-        env = os.environ | {"LD_LIBRARY_PATH": str(self.dir / "lab/openni")}
         return self.start([bin_dir / "echofuse-acquire", "run", "--config", self.dir / "lab/lab.toml", "--out",
-                           self.run.with_suffix(""), *options], env=env, stderr=subprocess.PIPE, text=True, **how)
+                           self.run.with_suffix(""), *options],
+                          **{"env": self.environment(), "stderr": subprocess.PIPE, "text": True} | how)
 
     def finish(self, daemon, timeout_s=30):
         return daemon.communicate(timeout=timeout_s)[1]
@@ -196,13 +198,12 @@ class Live(unittest.TestCase):
 
     def test_terminal_hangup_ends_each_device_command(self):
         """When the terminal hangs up, each command ends as it does on SIGTERM and stops the radar."""
-        env = os.environ | {"LD_LIBRARY_PATH": str(self.dir / "lab/openni")}
         config = ("--config", self.dir / "lab/lab.toml")
         commands = {"run": ("run", *config, "--out", self.run.with_suffix(""), "--count", "1000"),
                     "calibrate": ("calibrate", *config, "--time", "50"), "doctor": ("doctor", *config)}
         for name, words in commands.items():
             sent = self.frames()
-            program = self.start([bin_dir / "echofuse-acquire", *words], env=env, stdout=subprocess.PIPE,
+            program = self.start([bin_dir / "echofuse-acquire", *words], env=self.environment(), stdout=subprocess.PIPE,
                                  stderr=subprocess.PIPE, text=True)
             wait_for("frames of the radar", lambda: self.catches_hangup(program) and self.frames() > sent + 4)
             if name == "run":
@@ -214,7 +215,7 @@ class Live(unittest.TestCase):
         self.assertEqual(self.info()["status"], "complete")
         self.assertEqual(self.info()["records"], len(self.rows()))
         ignoring = self.start(["nohup", bin_dir / "echofuse-acquire", *commands["run"][:4], self.dir / "kept", "--count", "8"],
-                              env=env, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+                              env=self.environment(), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         wait_for("run file", (self.dir / "kept.sqlite").exists)
         ignoring.send_signal(signal.SIGHUP)
         self.assertEqual(ignoring.wait(30), 0)
@@ -247,9 +248,7 @@ class Live(unittest.TestCase):
                 os.write(writer, b"\n" * 4096)
                 os.write(master, b"\x13")  # Ctrl-S stops the terminal.
             self.run = self.dir / f"{what}.sqlite"
-            env = os.environ | {"LD_LIBRARY_PATH": str(self.dir / "lab/openni"), "TERM": "xterm"}
-            daemon = self.start([bin_dir / "echofuse-acquire", "run", "--json", "-v", "--config", self.dir / "lab/lab.toml",
-                                 "--out", self.run, "--count", "22"], env=env, stdout=writer, stderr=slave)
+            daemon = self.record("--json", "-v", "--count", "22", env=self.environment(TERM="xterm"), stdout=writer, stderr=slave)
             os.close(writer)
             os.close(slave)
             wait_for("records", lambda: self.committed() >= 14)
@@ -358,7 +357,7 @@ class Live(unittest.TestCase):
 
         def acquire(command, config, *options):
             return subprocess.run([bin_dir / "echofuse-acquire", command, "--config", config, *options], timeout=60,
-                                  env=os.environ | {"LD_LIBRARY_PATH": str(self.dir / "lab/openni")}, capture_output=True, text=True)
+                                  env=self.environment(), capture_output=True, text=True)
 
         alone = "--set", "tdc.address=", "--set", "depth.address="
         started = acquire("run", other / "lab.toml", *alone, "--set", "radar.keep_running=true", "--out", self.dir / "b", "--count", "2")

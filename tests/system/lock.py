@@ -3,7 +3,6 @@
 """Tests that commands report the devices in use by a run and do not disturb the run. Called as `tests/system/lock.py
 BIN_DIR TEST`."""
 import json
-import os
 import re
 import subprocess
 import sys
@@ -14,8 +13,7 @@ import live
 
 class Lock(live.Live):
     def acquire(self, *words):
-        env = os.environ | {"LD_LIBRARY_PATH": str(self.dir / "lab/openni")}
-        return subprocess.run([live.bin_dir / "echofuse-acquire", *map(str, words)], env=env, text=True,
+        return subprocess.run([live.bin_dir / "echofuse-acquire", *map(str, words)], env=self.environment(), text=True,
                               capture_output=True, timeout=50)
 
     def config(self):

@@ -50,8 +50,7 @@ def settings_of(text):
 class Facts(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        cls.folder = tempfile.TemporaryDirectory(prefix="echofuse-facts-")
-        cls.dir = pathlib.Path(cls.folder.name)
+        cls.dir = pathlib.Path(cls.enterClassContext(tempfile.TemporaryDirectory(prefix="echofuse-facts-")))
         (cls.dir / "lab.toml").write_text('[tdc]\naddress = "bridge:tcp://127.0.0.1:41110"\n')
         cls.call("echofuse-sim", "dataset", "-q", "--out", "zones.sqlite", "--records", "40", "--set", "spd_zones=3", "--set", "radar_antennas=8")
         cls.call("echofuse-recon", "train", "-q", "zones.sqlite", "--model", "mean", "--out", "mean.safetensors")
@@ -59,10 +58,6 @@ class Facts(unittest.TestCase):
         cls.acquire = settings_of(cls.call("echofuse-acquire", "config", "show", "--config", "lab.toml"))
         cls.sim = settings_of(cls.call("echofuse-sim", "config"))
         cls.train = settings_of(cls.call("echofuse-recon", "train", "--settings"))
-
-    @classmethod
-    def tearDownClass(cls):
-        cls.folder.cleanup()
 
     @classmethod
     def call(cls, *words, ok=(0,)):

@@ -55,13 +55,8 @@ def broken_links(folder):
 class Manual(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        cls.folder = tempfile.TemporaryDirectory(prefix="echofuse-manual-")
-        cls.out = pathlib.Path(cls.folder.name).resolve() / "out"
+        cls.out = pathlib.Path(cls.enterClassContext(tempfile.TemporaryDirectory(prefix="echofuse-manual-"))).resolve() / "out"
         cls.done = subprocess.run([source / "scripts/manual", "--bin", bin_dir, cls.out], capture_output=True, text=True, timeout=240)
-
-    @classmethod
-    def tearDownClass(cls):
-        cls.folder.cleanup()
 
     def test_manual_builds_without_warnings(self):
         self.assertEqual((self.done.returncode, self.done.stdout + self.done.stderr), (0, ""))

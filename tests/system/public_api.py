@@ -75,18 +75,13 @@ extern "C" double body_x(const char* model, const char* run, int record) {
 class PublicApi(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        cls.folder = tempfile.TemporaryDirectory(prefix="echofuse-api-")
-        cls.dir = pathlib.Path(cls.folder.name)
+        cls.dir = pathlib.Path(cls.enterClassContext(tempfile.TemporaryDirectory(prefix="echofuse-api-")))
         cls.prefix = cls.dir / "opt"
         # The files are installed in a staging folder and then moved, as is done for a package.
         run("cmake", "--install", bin_dir.parent, "--component", "dev", "--prefix", cls.prefix, cwd=cls.dir, DESTDIR=str(cls.dir / "stage"))
         shutil.move(str(cls.dir / "stage") + str(cls.prefix), cls.dir)
         run("echofuse-sim", "dataset", "-q", "--people", 80, "--letters", 0, "--out", "scenes.sqlite", cwd=cls.dir)
         run("echofuse-recon", "train", "-q", "scenes.sqlite", "--model", "mean-shape", "--out", "m.safetensors", cwd=cls.dir)
-
-    @classmethod
-    def tearDownClass(cls):
-        cls.folder.cleanup()
 
     def flags(self):
         package, = self.prefix.rglob("echofuse.pc")

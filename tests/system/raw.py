@@ -42,9 +42,7 @@ for_s = 0.3
 
 class Raw(unittest.TestCase):
     def setUp(self):
-        folder = tempfile.TemporaryDirectory(prefix="echofuse-")
-        self.addCleanup(folder.cleanup)
-        self.dir = pathlib.Path(folder.name)
+        self.dir = pathlib.Path(self.enterContext(tempfile.TemporaryDirectory(prefix="echofuse-")))
         self.raw, self.run = self.dir / "raw", self.dir / "run.sqlite"
 
     def record(self, *lab, count):

@@ -71,12 +71,12 @@ class Service(live.Live):
             self.notify.close()
         super().tearDown()
 
-    def serve(self, *options, env=None, **how):
+    def serve(self, *options, env={}, **how):
         """Runs the unit's command line with the folders and the configuration of the test."""
         line = Unit()["Service"]["ExecStart"].replace("%%", "%").replace("/etc/echofuse", str(self.dir / "lab"))
         command = line.replace("/var/lib/echofuse", str(self.dir)).replace("/usr/local/bin", str(live.bin_dir)).split()
-        base = os.environ | {"LD_LIBRARY_PATH": str(self.dir / "lab/openni"), "NOTIFY_SOCKET": self.notify.path}
-        daemon = self.start(command + list(options), env=base | (env or {}), stderr=subprocess.PIPE, text=True, **how)
+        daemon = self.start(command + list(options), env=self.environment(NOTIFY_SOCKET=self.notify.path, **env), stderr=subprocess.PIPE,
+                            text=True, **how)
         wait_for("run file", lambda: list(self.dir.glob("*.sqlite")) or daemon.poll() is not None)
         self.assertIsNone(daemon.poll(), daemon.stderr.read() if daemon.poll() is not None else "")
         [self.run] = self.dir.glob("*.sqlite")

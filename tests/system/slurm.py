@@ -71,9 +71,7 @@ def free_ports(count):
 
 class Slurm(unittest.TestCase):
     def setUp(self):
-        folder = tempfile.TemporaryDirectory(prefix="slurm-")
-        self.addCleanup(folder.cleanup)
-        self.dir = pathlib.Path(folder.name)
+        self.dir = pathlib.Path(self.enterContext(tempfile.TemporaryDirectory(prefix="slurm-")))
         self.host = socket.gethostname().split(".")[0]
         for name in ("state", "spool.n1", "spool.n2", "tmp", "work"):
             (self.dir / name).mkdir()

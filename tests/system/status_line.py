@@ -15,7 +15,7 @@ import time
 import unittest
 
 import live
-from live import bin_dir, wait_for
+from live import wait_for
 
 SEQUENCES = re.compile(r"\x1b\[[0-9;]*[A-Za-z]|\x07")
 
@@ -59,9 +59,7 @@ class StatusLine(live.Live):
     def run_at_terminal(self, columns, *options):
         live.Live.setUp(self)
         self.terminal = Terminal(columns)
-        env = os.environ | {"LD_LIBRARY_PATH": str(self.dir / "lab/openni"), "TERM": "xterm"}
-        return self.start([bin_dir / "echofuse-acquire", "run", "--config", self.dir / "lab/lab.toml", "--out",
-                           self.run.with_suffix(""), *options], env=env, stderr=self.terminal.slave)
+        return self.record(*options, env=self.environment(TERM="xterm"), stderr=self.terminal.slave)
 
     def end(self, daemon):
         daemon.wait(40)

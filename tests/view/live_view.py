@@ -61,9 +61,18 @@ class LiveView(live.Live):
                               stderr=subprocess.DEVNULL)
         wait_for("lab.toml", (self.dir / "lab/lab.toml").exists)
 
+    def program(self, name, *words):
+        """Runs a program in the folder of the test. Returns its output."""
+        return subprocess.run([bin_dir / f"echofuse-{name}", *map(str, words)], check=True, stdout=subprocess.PIPE,
+                              stderr=subprocess.DEVNULL, text=True, cwd=self.dir).stdout
+
     def status(self):
-        return json.loads(subprocess.run([bin_dir / "echofuse-acquire", "list", "--json", self.dir], check=True,
-                                         stdout=subprocess.PIPE).stdout)["runs"]
+        return json.loads(self.program("acquire", "list", "--json", self.dir))["runs"]
+
+    def serve(self):
+        """Starts a viewer of the runs in the folder. Returns its address."""
+        process = self.start([bin_dir / "echofuse-view", self.dir, "--listen", "127.0.0.1:0"], stdout=subprocess.PIPE, text=True)
+        return process.stdout.readline().strip()
 
     def test_viewer_follows_a_recording_that_continues_in_new_files(self):
         """`run --every` reports each new file, and the viewer follows the newest file. If the model file is invalid,
@@ -94,9 +103,7 @@ class LiveView(live.Live):
         self.assertEqual(len(here()), 1)
         wait_for("ok of the SPD", lambda: here()[0]["live"]["sensors"].get("spd", {}).get("verdict") == "ok")
         self.assertGreater(here()[0]["records"], 1)
-        text = subprocess.run([bin_dir / "echofuse-acquire", "list", self.dir], check=True, stdout=subprocess.PIPE,
-                              text=True)
-        self.assertRegex(text.stdout, rf"{self.run} is live; its last record is \S+ s old\n")
+        self.assertRegex(self.program("acquire", "list", self.dir), rf"{self.run} is live; its last record is \S+ s old\n")
         client.ask({"label": "person"})
         client.ask({"mark": "door opened"})
         self.assertTrue(client.until("answer")["ok"])
@@ -120,8 +127,7 @@ class LiveView(live.Live):
         """In alignment mode, the slots last 0.1 s, and the run is deleted at the end. The viewer of the run exits
         when no browser is connected."""
         daemon = self.start([bin_dir / "echofuse-acquire", "run", "--align", "--config", self.dir / "lab/lab.toml"],
-                            env=os.environ | {"LD_LIBRARY_PATH": str(self.dir / "lab/openni")}, stdout=subprocess.PIPE,
-                            stderr=subprocess.PIPE, text=True)
+                            env=self.environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         address = daemon.stdout.readline().strip()
         client = Browser(address)
         self.assertEqual(client.until("run")["window_s"], 0.1)

@@ -6,7 +6,6 @@ import os
 import pathlib
 import re
 import signal
-import subprocess
 import sys
 import time
 import unittest
@@ -18,7 +17,7 @@ from selenium.webdriver.common.action_chains import ActionChains
 import live_view
 import proxy
 import waiting
-from live import WINDOW_S, bin_dir, wait_for
+from live import WINDOW_S, wait_for
 
 PATIENCE_S = 60  # time limit in s, which is long because a busy machine renders slowly
 
@@ -84,10 +83,8 @@ class Page(live_view.LiveView):
     def test_web_page_follows_a_live_run(self):
         model = self.dir / "model.h5"
         scenes = self.dir / "scenes.sqlite"
-        subprocess.run([bin_dir / "echofuse-sim", "dataset", "--out", scenes, "--records", "80"], check=True,
-                       stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
-        subprocess.run([bin_dir / "echofuse-recon", "train", scenes, "--model", "ridge", "--set", "fallback=false", "--out", model, "-q"], check=True,
-                       stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
+        self.program("sim", "dataset", "--out", scenes, "--records", 80)
+        self.program("recon", "train", scenes, "--model", "ridge", "--set", "fallback=false", "--out", model)
         self.chooser(scenes)
         address = self.view("--model", model)
         daemon = self.record("--set", "run.label=empty")
@@ -208,39 +205,33 @@ class Page(live_view.LiveView):
 
     def test_web_page_works_behind_a_reverse_proxy(self):
         """Behind a reverse proxy, the page works below a path and reports an incomplete proxy configuration."""
-        scenes = self.dir / "scenes.sqlite"
-        subprocess.run([bin_dir / "echofuse-sim", "dataset", "-q", "--out", scenes, "--records", "8"], check=True)
-        process = self.start([bin_dir / "echofuse-view", self.dir, "--listen", "127.0.0.1:0"], stdout=subprocess.PIPE, text=True)
-        before = proxy.Proxy(process.stdout.readline().strip())
+        self.program("sim", "dataset", "--out", "scenes.sqlite", "--records", 8)
+        before = proxy.Proxy(self.serve())
         self.addCleanup(before.close)
         self.browser.get(f"{before.address}/lab/")
         card = "return document.querySelector('.run h2')?.textContent"
-        self.wait("run in the list", lambda: self.js(card) == scenes.stem)
+        self.wait("run in the list", lambda: self.js(card) == "scenes")
         self.js("document.querySelector('.run').click()")
         self.wait("its record", lambda: self.js("return window.framesSeen") > 0)
         self.assertEqual(self.js("return location.pathname"), "/lab/run/scenes/")
         named = "return [...document.querySelectorAll('.chart, .strip')].filter(at => at.role !== 'img' || !at.ariaLabel).map(at => at.id)"
         self.assertEqual(self.js(named), [])
         self.browser.find_element("id", "runs").click()
-        self.wait("list again", lambda: self.js(card) == scenes.stem)
+        self.wait("list again", lambda: self.js(card) == "scenes")
         self.browser.find_element("id", "newest").click()
         self.wait("the newest run", lambda: self.js("return window.framesSeen") > 0)
         self.browser.find_element("id", "runs").click()
-        self.wait("list once more", lambda: self.js(card) == scenes.stem)
+        self.wait("list once more", lambda: self.js(card) == "scenes")
         self.browser.get(f"{before.address}/plain/newest/")
         self.wait("reason", lambda: "expected a WebSocket" in self.text("trouble"))
         self.assertEqual(self.text("status"), "no connection to the viewer")
-        process.terminate()
-        process.wait(10)
 
     def test_web_page_shows_the_histogram_of_each_detector_zone(self):
         """For a detector with zones, the page shows each zone's histogram at the position of the zone, and the sum
         over all zones."""
         for name, side in ("nine", 3), ("one", 1):
-            subprocess.run([bin_dir / "echofuse-sim", "dataset", "-q", "--out", self.dir / f"{name}.sqlite", "--people", "1",
-                            "--set", f"spd_zones={side}", "--set", "target_x_m=0"], check=True)
-        process = self.start([bin_dir / "echofuse-view", self.dir, "--listen", "127.0.0.1:0"], stdout=subprocess.PIPE, text=True)
-        address = process.stdout.readline().strip()
+            self.program("sim", "dataset", "--out", f"{name}.sqlite", "--people", 1, "--set", f"spd_zones={side}", "--set", "target_x_m=0")
+        address = self.serve()
         for name in "one", "nine":
             self.browser.get(address.replace("?", f"run/{name}/?"))
             self.wait("its record", lambda: self.js("return window.framesSeen ?? 0") > 0)
@@ -263,8 +254,7 @@ class Page(live_view.LiveView):
 
     def chooser(self, scenes):
         """Checks that clicking on a run in the list opens the run, and that a link leads back to the list."""
-        process = self.start([bin_dir / "echofuse-view", self.dir, "--listen", "127.0.0.1:0"], stdout=subprocess.PIPE, text=True)
-        self.browser.get(process.stdout.readline().strip())
+        self.browser.get(self.serve())
         cards = "return [...document.querySelectorAll('.run h2')].map(at => at.textContent)"
         self.wait("run in the list", lambda: self.js(cards) == [scenes.stem])
         words = self.js("return document.querySelector('.run').textContent")
@@ -284,8 +274,7 @@ class Page(live_view.LiveView):
         self.wait("its record", lambda: self.js("return window.framesSeen") > 0)
         self.browser.find_element("id", "runs").click()
         self.wait("list again", lambda: self.js(cards) == [scenes.stem])
-        process.terminate()
-        process.wait(10)
+        self.processes[-1].terminate()
 
     def looks(self):
         """Checks the keys that change the histogram, the point cloud and the font size. Also checks zooming and

@@ -7,13 +7,11 @@ import re
 import signal
 import sqlite3
 import struct
-import subprocess
 import sys
 import time
 import unittest
 
 import page
-from live import bin_dir
 from selenium.webdriver.common.action_chains import ActionChains
 
 # Shows the longest possible texts in the lamps, the status and the table of losses. Returns the visible elements that are clipped or
@@ -125,10 +123,8 @@ class Panels(page.Page):
         """For a finished run with a model, checks the peak fit in m and ns, the plan view and the value under the
         pointer."""
         scenes, model = self.dir / "scenes.sqlite", self.dir / "model.h5"
-        subprocess.run([bin_dir / "echofuse-sim", "dataset", "-q", "--out", scenes, "--people", "60", "--letters", "0", "--set",
-                        "radar_antennas=8"], check=True)
-        subprocess.run([bin_dir / "echofuse-recon", "train", scenes, "--model", "nearest", "--out", model, "-q"],
-                       check=True, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
+        self.program("sim", "dataset", "--out", scenes, "--people", 60, "--letters", 0, "--set", "radar_antennas=8")
+        self.program("recon", "train", scenes, "--model", "nearest", "--out", model)
         self.run = scenes
         self.size(1400, 900)
         self.browser.get(self.view("--model", model))
