@@ -74,12 +74,13 @@ std::string text_of(const std::vector<double>& values) {
   return out;
 }
 
-// Parses 1 to 12 numbers, each between `minimum` and `maximum`. Returns an empty list if the string is
-// invalid.
+// Parses 1 to 12 numbers, each between `minimum` and `maximum`. Returns an empty list if the string
+// is invalid.
 std::vector<double> values_of(const std::string& text, double minimum, double maximum) {
   const std::vector<double> out = numbers_in(text);
-  const bool valid = out.size() <= record::max_antennas &&
-                     std::ranges::all_of(out, [&](double v) { return v >= minimum && v <= maximum; });
+  const bool valid = out.size() <= record::max_antennas && std::ranges::all_of(out, [&](double v) {
+                       return v >= minimum && v <= maximum;
+                     });
   return valid ? out : std::vector<double>{};
 }
 

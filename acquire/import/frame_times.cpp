@@ -37,7 +37,7 @@ struct Entry {
   std::size_t frame;
   FrameHeader header;
   bool clock_stopped = false;  // true: the clock stands still since the previous frame
-  bool member = false;  // true: the frame belongs to a valid chain
+  bool member = false;         // true: the frame belongs to a valid chain
   // The best chain that ends here: number of frames; twice this number minus the numbers of frames
   // that it leaves out and of frames in which the clock stands still; sum of the clock deviations.
   std::uint64_t length = 1;
@@ -128,7 +128,8 @@ class Fit {
       for (std::size_t back = 1; back <= std::min(i, max_damaged + 1); ++back) {
         const Entry& from = entries_[i - back];
         const double expected_s = steps(from, e) * period_s_;
-        const std::int64_t score = from.score + 3 - static_cast<std::int64_t>(back) - e.clock_stopped;
+        const std::int64_t score =
+            from.score + 3 - static_cast<std::int64_t>(back) - e.clock_stopped;
         if (score < e.score || expected_s > longest_link_s) continue;
         const std::optional<double> link = link_s(from, e);
         if (!link) continue;

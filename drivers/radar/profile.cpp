@@ -69,7 +69,8 @@ std::vector<FrameCfg> read_frames(const Cfg& cfg) {
 std::vector<const CfgCommand*> chirps_of(const Cfg& cfg, const FrameCfg& frame) {
   const auto first = frame.first_chirp(cfg), last = frame.last_chirp(cfg);
   constexpr std::uint32_t max_chirps = 32;  // size of an array in the demo
-  if (last >= first + max_chirps) cfg.fail(frame.line, "uses more than 32 chirps (limit of the demo)");
+  if (last >= first + max_chirps)
+    cfg.fail(frame.line, "uses more than 32 chirps (limit of the demo)");
   std::vector<const CfgCommand*> out(last - first + 1);
   for (const CfgCommand& chirp : cfg.all("chirpCfg")) {
     const auto begin = cfg.integer(chirp, 1), end = cfg.integer(chirp, 2);

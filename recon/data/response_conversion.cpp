@@ -99,7 +99,8 @@ double extent_m(const record::RadarResponse& response) {
   const auto peak = static_cast<double>(response.peak());
   double taps = 0;
   for (std::size_t i = 0; i < response.taps.size(); ++i)
-    if (response.taps[i] > min_power) taps = std::max(taps, std::abs(static_cast<double>(i) - peak));
+    if (response.taps[i] > min_power)
+      taps = std::max(taps, std::abs(static_cast<double>(i) - peak));
   return taps / record::RadarResponse::taps_a_cell * response.cell_m;
 }
 
@@ -113,8 +114,7 @@ std::vector<double> response_filter(const record::RadarResponse& own,
                                     const record::RadarResponse& expected, double step_m) {
   using Eigen::Index, Eigen::MatrixXd, Eigen::VectorXd;
   const double cell_m = std::max(own.cell_m, expected.cell_m);
-  const double reach_m =
-      std::max({min_reach_cells * cell_m, extent_m(own), extent_m(expected)});
+  const double reach_m = std::max({min_reach_cells * cell_m, extent_m(own), extent_m(expected)});
   const auto reach = std::clamp<std::ptrdiff_t>(
       static_cast<std::ptrdiff_t>(std::ceil(reach_m / step_m)), 1, max_reach);
   const Index count = 2 * reach + 1, places = 2 * parts * 2 * reach + 1;

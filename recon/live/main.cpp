@@ -8,8 +8,8 @@
 #include <cstdio>
 #include <filesystem>
 
-#include "acquire/record/run_reader.hpp"
 #include "acquire/record/run_names.hpp"
+#include "acquire/record/run_reader.hpp"
 #include "drivers/util/command_line.hpp"
 #include "drivers/util/console.hpp"
 #include "drivers/util/new_file.hpp"

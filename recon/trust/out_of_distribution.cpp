@@ -21,9 +21,9 @@ namespace {
 constexpr std::uint64_t held_stream = 0x68656c64;  // "held" in ASCII
 constexpr std::size_t max_components = 36, rows_a_component = 60;
 // Number of folds if there are fewer than `many_records` records, and if there are more. The limits
-// of T^2 and Q are set by all folds, because the tail of one fold has too few records. The detection
-// of two bodies is slow to train; if there are at least `few_records` records, its limit is set by
-// the last fold only.
+// of T^2 and Q are set by all folds, because the tail of one fold has too few records. The
+// detection of two bodies is slow to train; if there are at least `few_records` records, its limit
+// is set by the last fold only.
 constexpr std::size_t folds_of_few = 4, folds_of_many = 10;
 constexpr std::size_t few_records = 400, many_records = 3000;
 // Allowed false alarm rate of T^2, of the detection of two bodies, and of the Q statistics of all
@@ -134,7 +134,8 @@ OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
   };
   Rng rng = make_rng(seed, held_stream);
   const Rows order = shuffled(rows.size(), rng);
-  const bool few = rows.size() < few_records, has_spd = sensors.spd_count() > 0;
+  const bool few = rows.size() < few_records;
+  const bool has_spd = sensors.spd_count() > 0;
   const std::size_t parts = rows.size() < many_records ? folds_of_few : folds_of_many;
   std::vector<StatisticValues> held;
   std::vector<bool> without_two;  // records that do not set the limit of two bodies

@@ -247,8 +247,8 @@ TEST_CASE("import checks the header of a .ptu file against its records") {
   says(plain().end().data(begun), ExitCode::failed, "nothing to import: ");
   says(plain().end(), ExitCode::failed,
        "no events on the input selected by --start 0; events by input: none");
-  says(plain().end().data(light).data(std::vector<std::uint8_t>{1, 2, 3}),
-       ExitCode::ok, "the last record is truncated");
+  says(plain().end().data(light).data(std::vector<std::uint8_t>{1, 2, 3}), ExitCode::ok,
+       "the last record is truncated");
   std::vector<std::uint8_t> saved_as_text;
   for (const std::uint8_t b : as_bytes(light)) {
     if (b == '\n') saved_as_text.push_back('\r');
