@@ -19,7 +19,7 @@ TEST_CASE("an address for another kind of device is refused when the driver is c
   CHECK_THAT(tdc("serial:/dev/ttyUSB0"), Catch::Contains("expected the address of a time tagger"));
   CHECK_THAT(tdc("nonsense"), Catch::Contains("\"nonsense\": expected"));
   CHECK_THAT(depth("usb:2bc5:0670"), Catch::Contains("expected the address of a depth camera"));
-  CHECK_THAT(radar("hid:10c4:ea80:A", "hid:10c4:ea80:B"), Catch::Contains("has no profileCfg"));
+  CHECK_THAT(radar("hid:10c4:ea80:A", "hid:10c4:ea80:B"), Catch::Contains("contains no command"));
   CHECK_THAT(refusal_by([&] {
                make_radar(loop, {"serial:/dev/x", "hid:10c4:ea80", "", "x.cfg", 3'000'000});
              }),
@@ -30,5 +30,5 @@ TEST_CASE("an address for another kind of device is refused when the driver is c
   bridge.address = "serial:/dev/x";
   CHECK_THAT(refusal_by([&] { make_radar(loop, bridge); }),
              Catch::Contains("expected the address of a radar: bridge:tcp:"));
-  CHECK_THAT(radar("serial:/dev/x", "serial:/dev/y"), Catch::Contains("x.cfg: has no profileCfg"));
+  CHECK_THAT(radar("serial:/dev/x", "serial:/dev/y"), Catch::Contains("x.cfg: contains no command"));
 }

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import echofuse
-from fixtures import change, json_of, plates, program
+from fixtures import change, json_of, outcome, plates, program
 
 # Simulator settings of each run, by run name.
 RUNS = {
@@ -159,7 +159,7 @@ def test_python_and_echofuse_recon_judge_damaged_records_and_metadata_alike(runs
         program("echofuse-recon", "train", "-q", run, "--model", "factorised-8", "--epochs", 1, "--out", model)
     for one in changes:
         change(run, *one)
-    done = subprocess.run([BIN / "echofuse-recon", "reconstruct", "-q", model, run, "--out", tmp_path / "maps", "--format", "npy"], check=False)
+    done = outcome("echofuse-recon", "reconstruct", "-q", model, run, "--out", tmp_path / "maps", "--format", "npy")
     assert done.returncode == (5 if faulty else 0)
     maps, (expected, index) = echofuse.load_model(model).predict(run), echofuse.load_maps(tmp_path / "maps")
     with open(tmp_path / "maps/records.csv", newline="", encoding="utf-8") as table:
@@ -183,7 +183,7 @@ def test_python_and_echofuse_acquire_refuse_the_same_runs(runs, tmp_path, said, 
         change(run, *one)
     with pytest.raises(ValueError, match=f"^{run}: .*{said}"):
         echofuse.open(run)
-    done = subprocess.run([BIN / "echofuse-acquire", "info", run], capture_output=True, text=True, check=False)
+    done = outcome("echofuse-acquire", "info", run)
     assert done.returncode == 1 and said in done.stderr and done.stderr.count("\n") == 1
 
 

@@ -287,6 +287,7 @@ TEST_CASE("a truncated, changed or old model file is refused with a one-line err
     CAPTURE(s.what);
     const Bytes file = s.spoil(whole);
     CHECK_THAT(fault_of(file), Catch::StartsWith("crafted: ") && Catch::Contains(s.saying));
+    std::filesystem::remove(dir / "m");
     write_file(dir / "m", file);
     dir.refuses("evaluate m " + (models() / "few"), 1, s.saying);
   }

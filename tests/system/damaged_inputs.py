@@ -73,11 +73,10 @@ ZONES = "table zone: expected at most 64 zones, each with a centre, a width and 
 NOT_RUNS = [
     (replaced_by(lambda run: run.write_text("no database, but long enough to be read as one " * 20)), "not an echofuse run file"),
     (replaced_by(lambda run: run.write_bytes(struct.pack("<Q", 2) + b"{}")), "is a model; expected a run file"),
-    (replaced_by(os.mkfifo), "is a FIFO; expected a regular file", {"export python": "no such run file"}),
+    (replaced_by(os.mkfifo), "is a FIFO; expected a regular file", {"export python": "is not a regular file; expected a run file"}),
     (replaced_by(os.mkdir), "is a folder; expected a regular file", {"export python": "is a folder; expected a run file",
                                                                       "view": "the run does not exist yet"}),
-    (pathlib.Path.unlink, "No such file or directory; expected a run file", {"export python": "no such run file",
-                                                                             "view": "the run does not exist yet"}),
+    (pathlib.Path.unlink, "No such file or directory; expected a run file", {"export python": "no such run file"}),
     ("run format 2", "run format 2, expected 4; use the echofuse that recorded it"),
     ("run format 3", "run format 3, expected 4; convert it: python3 -m echofuse.runs.convert OLD NEW"),
     ("run format 5", "run format 5, expected 4; use a newer echofuse"),

@@ -95,6 +95,7 @@ class Table:
 
     @staticmethod
     def key(row: Row) -> tuple[str, ...]:
+        """Returns the key of a row: axis, value, model, inputs, seed."""
         return tuple(str(row[name]) for name in COLUMNS[:5])
 
     @property
@@ -260,10 +261,10 @@ class Cell:
 
     axis: str  #: name of the property that is varied
     value: str  #: value of the varied property
-    method: Method
-    seed: int
-    train: RunSource
-    test: RunSource
+    method: Method  #: method to measure
+    seed: int  #: random seed for training
+    train: RunSource  #: training run
+    test: RunSource  #: test run
     #: whether a model that uses both sensors also predicts records with only one sensor
     fallback: bool = False
 

@@ -19,7 +19,7 @@ class Record:
     """One record of a run, e.g. run[3]. Each access reads the file, except for arrays that the run
     has cached, and in an iteration over the run."""
 
-    run: Run
+    run: Run  #: run that contains the record
     row: int  #: row in the arrays of the run
 
     @property

@@ -21,7 +21,7 @@ Rows = NDArray[np.int64]
 class Split:
     """Row numbers of a run in each part of a split."""
 
-    train: Rows
+    train: Rows  #: rows for training
     validation: Rows  #: rows for early stopping
     test: Rows  #: held-out rows
 
