@@ -30,5 +30,6 @@ TEST_CASE("an address for another kind of device is refused when the driver is c
   bridge.address = "serial:/dev/x";
   CHECK_THAT(refusal_by([&] { make_radar(loop, bridge); }),
              Catch::Contains("expected the address of a radar: bridge:tcp:"));
-  CHECK_THAT(radar("serial:/dev/x", "serial:/dev/y"), Catch::Contains("x.cfg: contains no command"));
+  CHECK_THAT(radar("serial:/dev/x", "serial:/dev/y"),
+             Catch::Contains("x.cfg: contains no command"));
 }
