@@ -48,7 +48,7 @@ struct Config {
   // runs.
   std::vector<std::string> on_doubt;
   Calibration calibration;
-  record::Antennas antennas;
+  record::Antennas antennas;     // empty if the radar sends no heat map
   std::string calibration_path;  // path of the calibration file, which may not exist yet
   PerSensor<std::string> policy{"optional", "optional", "optional"};
 

@@ -41,7 +41,8 @@ struct FrameTimes {
   // `times` and `numbers`: frames with an impossible clock reading or number
   Irregularity restarts, paused, times, numbers, stopped;
   std::uint64_t copies = 0;
-  double period_s = 0;  // measured time between positions; 0: not measured
+  double period_s = 0;      // measured time between positions; 0: not measured
+  bool unnumbered = false;  // true: all frames have the same number and clock reading
 };
 
 // `period_s` is the cfg's time between positions. A frame has `subframes` positions.

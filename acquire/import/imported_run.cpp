@@ -33,7 +33,7 @@ void record_import(Config config, RunOptions options, port::Loop& loop, const Ne
                 printable(file.place()) + ": interrupted; nothing was written");
 }
 
-std::string publish_import(NewFile& file) {
+std::string publish_import(NewFile& file, std::string warnings) {
   const std::string place = printable(file.place());
   record::check_written_run(file.path(), place);
   std::string text, causes;
@@ -52,9 +52,12 @@ std::string publish_import(NewFile& file) {
         causes.append("; ").append(name_of(s)).append(": ").append(cause);
     }
   }
-  if (!any)
+  if (!any) {
+    std::ranges::replace(warnings, '\n', ' ');
     throw Error(ExitCode::failed, place + ": nothing to import: " + printable(text + causes) +
-                                      "; no record contains valid data");
+                                      "; no record contains valid data" +
+                                      (warnings.empty() ? "" : ";" + warnings));
+  }
   file.publish();
   return place + ": " + text;
 }
@@ -101,7 +104,7 @@ void ImportedRun::doubt(const std::string& text) {
 std::string ImportedRun::finish() {
   flush();
   run_->close_as_one_file("complete");
-  return publish_import(file_) + lines_;
+  return publish_import(file_, lines_) + lines_;
 }
 
 }  // namespace echofuse::acquire

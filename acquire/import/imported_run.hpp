@@ -28,8 +28,9 @@ UtcTime modified(const std::string& path);
 void record_import(Config config, RunOptions options, port::Loop& loop, const NewFile& file);
 
 // Publishes a complete run file. Returns a line about its contents. If no record has a valid
-// sensor, publishes nothing and throws Error(failed).
-std::string publish_import(NewFile& file);
+// sensor, publishes nothing and throws Error(failed); the message ends with `warnings`, one per
+// line.
+std::string publish_import(NewFile& file, std::string warnings = {});
 
 // Threading: an ImportedRun may be used by only one thread at a time.
 class ImportedRun {

@@ -45,9 +45,10 @@ FrameTimes times_of(const std::string& path, const radar::RadarProfile& profile)
   const auto same = [&](const FrameHeader& h) {
     return h.position == headers[0].position && h.cycles == headers[0].cycles;
   };
-  if (headers.size() > enough && std::ranges::all_of(headers, same))
-    for (std::uint32_t i = 0; i < headers.size(); ++i) headers[i].position += i;
+  const bool unnumbered = headers.size() > enough && std::ranges::all_of(headers, same);
+  for (std::uint32_t i = 0; unnumbered && i < headers.size(); ++i) headers[i].position += i;
   FrameTimes times = fit_times(headers, profile.subframes, profile.frame_period_s);
+  times.unnumbered = unnumbered;
   for (std::size_t i = 0; i < times.at.size(); ++i)
     times.at[i] += from_seconds(delays_s[i] - delays_s[0]);
   return times;
@@ -147,7 +148,12 @@ std::vector<std::string> RadarRecording::doubts() const {
   add(times_.restarts, " restarts of the board", ": the gaps have unknown length and are omitted");
   add(times_.paused, " gaps in which the board's clock may have wrapped",
       ": their lengths are ambiguous; the shortest possible ones are used");
-  if (const Irregularity& stopped = times_.stopped; stopped.count > 0)
+  if (times_.unnumbered)
+    out.push_back(
+        "the frames have neither number nor time: their times are computed from their order and "
+        "the "
+        "frame period of the cfg, and lost frames cannot be detected");
+  else if (const Irregularity& stopped = times_.stopped; stopped.count > 0)
     out.push_back("the board's clock stands still in " + std::to_string(stopped.count) +
                   " frames (" + stopped.places +
                   "): their times are computed from the frame numbers");

@@ -80,6 +80,7 @@ class Journal {
   std::string delay_cause() const;
   std::int64_t written() const { return written_; }
   std::string path() const;
+  // Returns no value unless a label event set the label of the last written record.
   std::optional<std::string> label() const;
   // Returns the free disk space in bytes after the last record; no value if unknown.
   std::optional<std::uint64_t> free_bytes() const;

@@ -185,7 +185,7 @@ void Cfg::add(const CfgLine& line) {
     refuse(where(line.number) + "column " + std::to_string(odd - text.begin() + 1) + " has a " +
            (from[0] == '\t'                                            ? "tab"
             : from.starts_with("\xc2\xa0") || from.starts_with("\xa0") ? "no-break space"
-            : from[0] > 0                                              ? "control character"
+            : static_cast<unsigned char>(from[0]) < 0x80               ? "control character"
                                                                        : "non-ASCII character") +
            "; the firmware splits words at spaces only");
   if (text.size() > max_line)

@@ -198,8 +198,9 @@ void check_chirps(const Cfg& cfg, const FrameCfg& frame) {
     const auto mask = cfg.integer(chirp, 8);
     if ((mask & enabled) == 0)
       cfg.refuse(cfg.complaint(chirp, "enables no transmitter of channelCfg"));
-    if (!bpm && std::popcount(mask) > 1)
-      cfg.fail(chirp, "enables several transmitters; expected one, or BPM (bpmCfg)");
+    if (!bpm && std::popcount(mask & enabled) > 1)
+      cfg.fail(chirp,
+               "enables several transmitters; echofuse supports this only with BPM (bpmCfg)");
     const CfgCommand* own = profile_cfg_of(cfg, chirp);
     if (own && cfg.number(*own, 1) != cfg.number(used, 1))
       cfg.fail(chirp, "uses profileCfg " + std::string(chirp.words[3]) +
@@ -347,7 +348,7 @@ void read_warnings(const Cfg& cfg, RadarProfile& profile, std::uint32_t data_bau
       break;
     }
   if (profile.bins == 1022)
-    profile.warnings.push_back(cfg.where(cfg.last("profileCfg").line) +
+    profile.warnings.push_back(cfg.where(profile_of(cfg, read_frames(cfg).front()).line) +
                                "profileCfg gives 1024 bins for 12 antennas, but the firmware has "
                                "memory for 1022");
   check_rates(cfg, profile, data_baud);

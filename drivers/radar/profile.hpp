@@ -60,7 +60,8 @@ struct RadarProfile {
 //   - a missing command, a command of another demo, or a number that determines the range axis, the
 //     antennas or the frame and is missing or outside its range (demo_commands.hpp)
 //   - a line that exceeds the firmware's buffer (255 characters, 40 words)
-//   - chirps or subframes of a frame that differ in range axis or antennas
+//   - chirps of a frame that differ in profile, or enable several transmitters without BPM
+//   - subframes that differ in range axis or antennas
 //   - no command, or line endings other than LF and CR LF
 // `data_baud`: rate at which the data port will be read, used for warnings. `board` selects the
 // antennas of the heat map, because the cfg does not depend on the board.

@@ -65,7 +65,8 @@ int run_main(const std::string& program, const std::function<ExitCode()>& body) 
   } catch (const Error& e) {
     return complain(e.what(), e.code());
   } catch (const std::filesystem::filesystem_error& e) {
-    return complain((e.path1().string() + ": " + e.code().message()).c_str(), ExitCode::failed);
+    const std::string where = e.path1().empty() ? "" : e.path1().string() + ": ";
+    return complain((where + e.code().message()).c_str(), ExitCode::failed);
   } catch (const std::exception& e) {
     return complain(e.what(), ExitCode::failed);
   }

@@ -73,7 +73,7 @@ void write_records(const std::string& path, const Dataset& data, const SceneMode
     for (std::size_t i = 0; i < one.rows.size(); ++i) {
       const std::size_t row = one.rows[i];
       out += format("%lld,", static_cast<long long>(data.records[row].index)) +
-             csv_text(printable(data.records[row].label)) + ',' + csv_text(one.name);
+             csv_text(printable(data.records[row].label)) + ',' + csv_text(printable(one.name));
       const auto number = [](double value) {
         return std::isnan(value) ? "," : format(",%.9g", value);
       };

@@ -28,6 +28,7 @@ inline constexpr const char* trained_on_records = "trained on records ";
 
 struct WrittenMaps {
   std::string name;
+  // Maps by record index; depths in metres, 0: no return.
   std::map<std::int64_t, std::vector<float>> of_index;
   // Indices of the records that records.csv lists as having no map.
   std::vector<std::int64_t> without;

@@ -467,7 +467,7 @@ std::optional<Chirp> RadarFirmware::chirp(const FramePart& frame) {
     });
     if (c == chirps_.rend()) return {};
     const unsigned enabled = whole(*c, 8) & whole(channel, 2);
-    if (enabled == 0 || (!bpm && !std::has_single_bit(whole(*c, 8)))) return {};
+    if (enabled == 0 || (!bpm && !std::has_single_bit(enabled))) return {};
     used_profiles.insert(whole(*c, 3));
     add_transmitters(enabled, chirp.transmitters);
     ++chirps;

@@ -153,6 +153,7 @@ TEST_CASE("the chirps of a radar frame use one profile, and one transmitter each
         "x.cfg:8: chirpCfg uses profileCfg 0, but the first chirp of the frame uses 1; the demo "
         "supports one profile per frame");
   CHECK(refusal(with("0 0 0 0 4", "0 0 0 0 5")) ==
-        "x.cfg:7: chirpCfg enables several transmitters; expected one, or BPM (bpmCfg)");
+        "x.cfg:7: chirpCfg enables several transmitters; echofuse supports this only with BPM "
+        "(bpmCfg)");
   CHECK(refusal("% a comment\n") == "x.cfg: contains no command; expected a TI mmWave .cfg file");
 }

@@ -168,7 +168,10 @@ TEST_CASE("the 90 % intervals of a run are widened by its difference from the tr
 
 TEST_CASE("evaluate widens all 90 % intervals of a run by the same factor") {
   const TrainedModel& model = trained("mean-shape", "fused");
-  const Records run = prepare_records(model, load_plates(100, 10), 0.05);
+  Dataset data = load_plates(100, 10);
+  // The maps of these records are not those of the usual estimator, because the radar is missing.
+  for (std::size_t row = 0; row < 10; ++row) data.records[row].valid.erase(Sensor::radar);
+  const Records run = prepare_records(model, std::move(data), 0.05);
   const Rows rows = all_rows(100);
   const auto plain =
       recon::predict(model, run.data, rows, PredictionDetail::uncertainty).uncertainties;

@@ -64,6 +64,14 @@ double greatest_difference(std::span<const float> a, std::span<const float> b) {
 
 }  // namespace
 
+TEST_CASE("the conversion filter reaches 3 range cells, or as far as either response") {
+  record::RadarResponse echo = hann;
+  echo.taps[20] = 0.02;  // 5 cells from the peak
+  CHECK(response_filter(hann, sinc, 0.25).size() == 2 * 6 + 1);
+  CHECK(response_filter(echo, sinc, 0.25).size() == 2 * 10 + 1);
+  CHECK(response_filter(hann, echo, 0.25).size() == 2 * 10 + 1);
+}
+
 TEST_CASE("a range profile is converted from a narrow to a wide radar response") {
   for (const auto& [own, expected] : {std::pair{sinc, hann}, {sinc, blackman}, {hann, blackman}}) {
     Dataset data = run_of(own, profile(own));

@@ -90,16 +90,15 @@ FOREIGN_TABLES = [
     ("no table of records", "has no table record"),
 ]
 METADATA = [(("metadata of the run", text), "meta is not a JSON object of strings") for text in ("", "[", "[]", "{\"a\": 1}", "[" * 100000, "null", 7)]
-WRONG = {"export python": "and plausible positions", "note": "reads"}
+WRONG = {"export python": "plausible positions", "note": "reads"}
 AXES = [
     ("negative", "table axis: count is -1", WRONG), ("4e9", "has 4294967295 points", WRONG),
     ("wrapped", "table axis: count is 4294967", WRONG), ("1e7", "do not fit into a file of", WRONG),
     *((change, "expected finite numbers", WRONG) for change in ("words", "infinite", "no step", "tiny", "huge")),
     ("8192 x 8192 pixels", "8192 points per record do not fit into a file of", {"export python note": "reads"}),
-    ("many", "more than 16 axes", {"export python note": "reads"}),
+    ("many", "more than 16 axes", {"export python": "at most 16 axes", "note": "reads"}),
 ]
-RECORD_NUMBERS = [(change, f"the record index {index} is out of order", {"info export python note": "reads"}) for change, index in (
-    ("one at the end", 9223372036854775807), ("all at the end", 9223372036854775796), ("far", 9007199254740993))]
+RECORD_NUMBERS = [(change, "expected 0 to 9007199254740992", {"note": "reads"}) for change in ("one at the end", "all at the end", "far")]
 ZONE_TABLES = [
     *((change, ZONES, {"note": "reads"}) for change in ("zone without x", "zone without y", "zone of width 0", "zone of infinite width",
                                      "zone with an infinite time-zero offset", "a million zones")),
