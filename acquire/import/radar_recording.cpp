@@ -149,10 +149,9 @@ std::vector<std::string> RadarRecording::doubts() const {
   add(times_.paused, " gaps in which the board's clock may have wrapped",
       ": their lengths are ambiguous; the shortest possible ones are used");
   if (times_.unnumbered)
-    out.push_back(
-        "the frames have neither number nor time: their times are computed from their order and "
-        "the "
-        "frame period of the cfg, and lost frames cannot be detected");
+    out.emplace_back(
+        "the frames have neither number nor time: their times are computed from their order; lost "
+        "frames cannot be detected");
   else if (const Irregularity& stopped = times_.stopped; stopped.count > 0)
     out.push_back("the board's clock stands still in " + std::to_string(stopped.count) +
                   " frames (" + stopped.places +

@@ -17,7 +17,7 @@ struct TagCounts {
   std::uint64_t missed = 0;  // start and click events that the device reported as lost
   std::uint64_t overflows = 0;
   std::uint64_t errors = 0;
-  std::uint64_t bad_tags = 0;     // of unknown type or with a nonzero reserved byte; in `other`
+  std::uint64_t bad_tags = 0;     // unknown type or nonzero reserved byte; included in `other`
   std::uint64_t backwards = 0;    // time tags with an earlier time than the preceding tag
   std::uint64_t removed = 0;      // tags removed by the dead time; included in `other`
   std::uint64_t lost_blocks = 0;  // transport blocks that did not arrive
