@@ -92,9 +92,9 @@ class Scene:
     def __post_init__(self) -> None:
         background = pixels([self.background_m], "background_m")[0]
         object.__setattr__(self, "background_m", background)
-        for name, least, most in LIMITS:
-            if not least <= number(name, getattr(self, name)) <= most:
-                raise ValueError(f"{name}: {getattr(self, name)} (expected {least} to {most})")
+        for name, minimum, maximum in LIMITS:
+            if not minimum <= number(name, getattr(self, name)) <= maximum:
+                raise ValueError(f"{name}: {getattr(self, name)} (expected {minimum} to {maximum})")
 
     @classmethod
     def of_maps(cls, maps: ArrayLike, half_tangent: float = 0.55, far_m: float = 6.0) -> Scene:

@@ -376,8 +376,9 @@ def implausible(part: runs.Run, sensors: list[str]) -> dict[int, str]:
     if "spd" in sensors:
         counts = part.spd.reshape(len(part), math.prod(part.spd.shape[1:]))
         slot_s = part.quality()["length_s"]
-        most = np.where(slot_s > 0, MAX_CLICKS_PER_S * slot_s, np.inf)
-        for row, bin_ in np.argwhere((counts > most[:, None]) | (counts == 2 ** 32 - 1))[::-1]:
+        max_counts = np.where(slot_s > 0, MAX_CLICKS_PER_S * slot_s, np.inf)
+        impossible = (counts > max_counts[:, None]) | (counts == 2 ** 32 - 1)
+        for row, bin_ in np.argwhere(impossible)[::-1]:
             out[int(row)] = (f"spd bin {bin_} contains {counts[row, bin_]} clicks, more than a "
                              "time tagger can send")
     if "radar" in sensors:

@@ -63,14 +63,14 @@ class Response:
                                   for side in (-1, 1)))
 
 
-def measured(text: str, least: float, most: float) -> tuple[float, ...]:
+def measured(text: str, minimum: float, maximum: float) -> tuple[float, ...]:
     """Returns the numbers in a text such as "1 0.5 +- 0.1" without the error, or an empty tuple if
     the text has another form or a number is outside the range (numbers_of() in
     acquire/measurement/response.cpp)."""
     text, plus, error = text.partition("+-")
     values, errors = numbers_in(text), numbers_in(error)
     valid = not plus or len(errors) == 1 and errors[0] >= 0
-    return tuple(values) if valid and all(least <= v <= most for v in values) else ()
+    return tuple(values) if valid and all(minimum <= v <= maximum for v in values) else ()
 
 
 def stated_in(meta: Mapping[str, str]) -> Response | None:
