@@ -164,9 +164,9 @@ class Server(unittest.TestCase):
         for age_s, *place in track:
             record = shown(60 - round(age_s / slot_s))
             self.assertIn("deviation", record["arrays"])
-            told = [record["reconstruction"][key] for key in ("x_m", "z_m", "lateral_interval_90_m")]
-            for a, b in zip(place, told):
-                self.assertTrue(math.isnan(a) if b is None else abs(a - b) < 1e-5, (age_s, place, told))
+            stated = [record["reconstruction"][key] for key in ("x_m", "z_m", "lateral_interval_90_m")]
+            for a, b in zip(place, stated):
+                self.assertTrue(math.isnan(a) if b is None else abs(a - b) < 1e-5, (age_s, place, stated))
 
     def test_viewer_refuses_invalid_http_requests(self):
         url = urllib.parse.urlsplit(self.address)
