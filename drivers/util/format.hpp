@@ -24,7 +24,7 @@ inline std::vector<double> numbers_in(const std::string& text) {
   std::istringstream words(text);
   std::vector<double> out;
   for (std::string word; words >> word;) {
-    const char *begin = word.data() + (word.starts_with('+') ? 1 : 0),
+    const char *begin = word.data() + (word.starts_with('+') && !word.starts_with("+-") ? 1 : 0),
                *end = word.data() + word.size();
     const auto [rest, error] = std::from_chars(begin, end, out.emplace_back());
     if (error != std::errc() || rest != end) return {};

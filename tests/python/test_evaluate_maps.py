@@ -74,10 +74,12 @@ def test_load_maps_and_evaluate_refuse_the_same_tables(run, tmp_path, old, new):
 
 
 @pytest.mark.parametrize("change", [lambda maps: maps * 1000, lambda maps: maps.astype(">f4"), lambda maps: np.asfortranarray(maps), lambda maps: maps > 2,
-                                    lambda maps: maps.astype("f2"), lambda maps: maps.astype(object), lambda maps: maps.reshape(3, -1), lambda maps: maps[:2]])
+                                    lambda maps: maps.astype("f2"), lambda maps: maps.astype(object), lambda maps: maps.reshape(3, -1), lambda maps: maps[:2], None])
 def test_load_maps_and_evaluate_refuse_the_same_arrays(run, tmp_path, change):
-    folder = save(tmp_path / "maps", run, [0, 1, 2])
-    np.save(folder / "maps.npy", change(np.nan_to_num(run.maps([0, 1, 2]))), allow_pickle=True)
+    folder, maps = save(tmp_path / "maps", run, [0, 1, 2]), np.nan_to_num(run.maps([0, 1, 2]))
+    with open(folder / "maps.npy", "wb") as file:
+        np.save(file, change(maps) if change else maps, allow_pickle=True)
+        file.write(b"" if change else b"behind the array")
     with pytest.raises(ValueError, match=f"^{folder}: "):
         echofuse.load_maps(folder)
     assert str(folder) in judged(folder, run, ok=False)

@@ -145,7 +145,7 @@ def metadata(**entries):
     *(("50cm", False, record_3(*change)) for change in (("slot_utc_ns", "noon"), ("label", None), ("depth", None))),
     *(("50cm", False, metadata(radar_cell_m=cell, radar_taps=taps)) for cell, taps in (
         ("0.25", "1 0.5"), ("0.25", "0.5 0.5 0.5"), ("-0.25", "1 0.5 0.2"), ("0_25", "1 0.5 0.2"), ("0.25 +- 0.01", "1 0.5 0.2"), ("nan", "1 0.5 0.2"),
-        ("0.25", "1 1.2 0.5"), ("0.25", "1 inf 0.5"), (" +0.25", "1  0.5 0.2 "),
+        ("0.25", "1 1.2 0.5"), ("0.25", "1 inf 0.5"), ("0.25", "1 1e-400 0.2"), ("+-0.25", "1 0.5 0.2"), (" +0.25", "1  0.5 0.2 "),
         ("0.25", "0.2 0.1 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0.6 1 0.6 0.1 0 0 0 0 0 0 0 0 0 0 0.1"))),
     *(("piled-up", False, metadata(detector_dead_time_ps=text)) for text in (
         "inf", "1e400", "3_0000", "0x7530", "3e4", " +30000", "30000 40000", "until the next pulse", "")),

@@ -85,7 +85,11 @@ def load_maps(folder: str | pathlib.Path) -> tuple[NDArray[np.float32], NDArray[
                                      f'"{printable(word)}" and "{printable(status)}"')
                 if status.startswith(("ok", "radar lost", "antennas lost")):
                     words.append(word)
-        stored, index = np.load(folder / "maps.npy"), np.array(words, "u8")
+        index = np.array(words, "u8")
+        with open(folder / "maps.npy", "rb") as binary:
+            stored = np.load(binary)
+            if binary.read(1):
+                raise ValueError("maps.npy: contains bytes after the array")
         maps = plain("maps", stored)[0]
         require_indices(maps, index, None)
         pixels(stored)  # checks the depths

@@ -36,6 +36,7 @@ NULL_INTEGER = -1 << 63
 WAL_KEY = "wal_key"  # key in the JSON object run.meta of an open run
 MIN_AXIS_LIMIT, MAX_AXES, MAX_ANTENNAS = 1 << 16, 16, 12  # first: lower bound of the axis limit
 MAX_OFFSET_M = 1000  # same value as in acquire/record/run_reader.cpp
+NONZERO = re.compile(r"[-+.0]*[1-9]")
 NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 MAX_RESTARTS = 1 << 16  # maximum difference between the stored key and the key of the -wal file
 # Definition of each table of a run, and of SQLite's statistics; written by the program `fixture`.
@@ -357,7 +358,9 @@ def numbers_in(text: str) -> list[float]:
     (numbers_in() in drivers/util/format.hpp)."""
     words = text.split()
     values = [float(word) for word in words] if all(map(NUMBER.fullmatch, words)) else []
-    return values if all(map(math.isfinite, values)) else []
+    in_range = all(math.isfinite(value) and (value != 0 or not NONZERO.match(word))
+                   for word, value in zip(words, values))
+    return values if in_range else []
 
 
 def reals(**columns: float) -> str:
