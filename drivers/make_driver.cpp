@@ -1,18 +1,15 @@
 // SPDX-License-Identifier: MIT
 #include "drivers/make_driver.hpp"
 
-#include <type_traits>
 #include <variant>
 
-#include "drivers/depth/bridge_camera.hpp"
+#include "drivers/bridge/bridge_driver.hpp"
 #include "drivers/depth/openni_camera.hpp"
 #include "drivers/inventory/inventory.hpp"
 #include "drivers/port/loop.hpp"
 #include "drivers/port/open_port.hpp"
 #include "drivers/port/raw_tap.hpp"
-#include "drivers/radar/bridge_radar.hpp"
 #include "drivers/radar/radar_driver.hpp"
-#include "drivers/tdc/bridge_tdc.hpp"
 #include "drivers/util/exit_code.hpp"
 
 namespace echofuse {
@@ -34,13 +31,13 @@ struct Kind {
   std::unique_ptr<Driver> (*make)(port::Loop&, const Config&, port::RawKeeper*);
 };
 
-template <class BridgeDriver, class Config>
-std::unique_ptr<Driver> bridge(port::Loop& loop, const Config& config, port::RawKeeper* raw) {
-  constexpr const char* files = std::is_same_v<Config, TdcConfig>     ? "tags"
-                                : std::is_same_v<Config, RadarConfig> ? "radar"
-                                                                      : "depth";
-  return std::make_unique<BridgeDriver>(
-      loop, config.address, port::tap(loop, loop.opener(config.address), raw, files, ".blocks"));
+template <Sensor sensor, class Config>
+std::unique_ptr<Driver> bridge_driver(port::Loop& loop, const Config& config,
+                                      port::RawKeeper* raw) {
+  return std::make_unique<bridge::BridgeDriver>(
+      sensor, loop, config.address,
+      port::tap(loop, loop.opener(config.address), raw,
+                sensor == Sensor::spd ? "tags" : name_of(sensor), ".blocks"));
 }
 
 std::unique_ptr<Driver> openni(port::Loop& loop, const DepthConfig& config, port::RawKeeper* raw) {
@@ -51,15 +48,15 @@ std::unique_ptr<Driver> openni(port::Loop& loop, const DepthConfig& config, port
 
 // To add a driver, add its source file to the folder of its sensor and a row to one of these lists.
 constexpr Kind<TdcConfig> taggers[] = {
-    {"bridge:", "bridge:tcp://HOST:PORT", bridge<tdc::BridgeTdc>},
-    {"usb:", "usb:VVVV:PPPP", bridge<tdc::BridgeTdc>},
+    {"bridge:", "bridge:tcp://HOST:PORT", bridge_driver<Sensor::spd>},
+    {"usb:", "usb:VVVV:PPPP", bridge_driver<Sensor::spd>},
 };
 constexpr Kind<RadarConfig> radars[] = {
-    {"bridge:", "bridge:tcp://HOST:PORT", bridge<radar::BridgeRadar>},
+    {"bridge:", "bridge:tcp://HOST:PORT", bridge_driver<Sensor::radar>},
 };
 constexpr Kind<DepthConfig> cameras[] = {
     {"openni:", "openni:[URI or file.oni]", openni},
-    {"bridge:", "bridge:tcp://HOST:PORT", bridge<depth::BridgeCamera>},
+    {"bridge:", "bridge:tcp://HOST:PORT", bridge_driver<Sensor::depth>},
 };
 
 template <class Kinds>

@@ -11,7 +11,6 @@
 #include <memory>
 #include <string>
 
-#include "drivers/core/clock.hpp"
 #include "drivers/core/driver.hpp"
 
 namespace echofuse {

@@ -8,7 +8,6 @@
 #pragma once
 #include <span>
 #include <string>
-#include <vector>
 
 #include "acquire/calibrate/reflector.hpp"
 #include "acquire/config/calibration.hpp"

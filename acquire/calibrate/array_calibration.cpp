@@ -76,10 +76,8 @@ AntennaFit fit_wave(const AntennaSamples& x) {
 
 AntennaFit fit_antennas(const ArrayFrames& frames, std::size_t antennas, std::size_t bin) {
   AntennaFit fit;
-  if (frames.size() < min_frames) {
-    fit.refusal = "fewer than 8 frames with antenna samples received";
-    return fit;
-  }
+  if (frames.size() < min_frames)
+    return {.gains = {}, .refusal = "fewer than 8 frames with antenna samples received"};
   const std::vector<double> powers = powers_of(frames, antennas);
   std::size_t top = std::min(bin, powers.size() - 1);
   for (const std::size_t near : {top - std::min<std::size_t>(top, 1), top + 1})

@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <filesystem>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <utility>
@@ -371,7 +370,8 @@ ExitCode finish(const Measurement& measurement, const Config& config,
   if (!options.json && response.radar.known()) print_text(measurement.window());
   Calibration fresh =
       to_calibration(results, antennas, response, reflector, measurement.firmware(), clock);
-  fresh.axes = axes_of(config, fresh, measurement.radar_axis());
+  if (fresh.find(Sensor::spd)) fresh.axes.spd = tdc::Histogram(config.histogram).axis();
+  if (fresh.find(Sensor::radar)) fresh.axes.radar = measurement.radar_axis();
   for (auto& entry : fresh.entries) {
     entry.model = measurement.device(entry.sensor).model;
     entry.serial = measurement.device(entry.sensor).serial;

@@ -5,7 +5,6 @@
 #include <array>
 #include <cmath>
 #include <numbers>
-#include <span>
 #include <vector>
 
 namespace echofuse::acquire {

@@ -10,6 +10,7 @@
 #include "acquire/calibrate/echo_model.hpp"
 #include "drivers/core/axis.hpp"
 #include "drivers/core/median.hpp"
+#include "drivers/core/sample.hpp"
 #include "drivers/util/format.hpp"
 
 namespace echofuse::acquire {
@@ -306,10 +307,10 @@ Profile profile_of(const Profiles& frames) {
 
 std::vector<double> log2_powers(std::span<const float> power) {
   constexpr double min_share = 1e-8;
-  const double max_power = power.empty() ? 0 : *std::max_element(power.begin(), power.end());
-  const double min_power = std::max(min_share * max_power, 1e-30);
+  const double strongest = power.empty() ? 0 : *std::max_element(power.begin(), power.end());
+  const double floor = std::max(min_share * strongest, min_radar_power);
   std::vector<double> out;
-  for (const float p : power) out.push_back(std::log2(std::max(double{p}, min_power)));
+  for (const float p : power) out.push_back(std::log2(std::max(double{p}, floor)));
   return out;
 }
 
@@ -377,14 +378,11 @@ bool saturated(const Profiles& frames, std::size_t top) {
 Peak fit_echo(const Profiles& frames, const EchoAxis& axis, const Search& search,
               const Window& window, std::size_t min_frames) {
   Peak peak;
-  if (frames.size() < min_frames) {
+  if (frames.size() < min_frames)
     peak.refusal = "no peak: fewer than " + std::to_string(min_frames) + " frames received";
-    return peak;
-  }
-  if (frames[0].size() < min_bins) {
+  else if (frames[0].size() < min_bins)
     peak.refusal = "no peak: the profile has fewer than 8 bins";
-    return peak;
-  }
+  if (!peak.refusal.empty()) return peak;
   const Profile profile = profile_of(frames);
   const auto& mean = profile.mean;
   const std::size_t last = mean.size() - 3;

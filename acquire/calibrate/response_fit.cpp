@@ -12,6 +12,7 @@
 #include "acquire/calibrate/echo_model.hpp"
 #include "acquire/calibrate/peak.hpp"
 #include "drivers/core/axis.hpp"
+#include "drivers/util/format.hpp"
 
 namespace echofuse::acquire {
 namespace {
@@ -404,12 +405,16 @@ VectorXd shape_errors(const Fitted& fit, const VectorXd& shape) {
   return (slope * fit.covariance * slope.transpose()).diagonal().cwiseMax(0).cwiseSqrt();
 }
 
-// Returns whether the transmitter leakage, which appears at range zero, overlaps the echo at
-// `range_m`: the echo is nearer than two half widths of the main lobe of a Blackman window, and a
-// nearer bin outside its own main lobe has more than twice the median power.
+constexpr double lobe_cells = 3;  // half width of the main lobe of a Blackman window
+
+// Returns the range from which on an echo does not overlap the transmitter leakage at range zero.
+double min_range_m(const EchoAxis& axis) { return 2 * lobe_cells * axis.resolution_m; }
+
+// Returns whether the transmitter leakage overlaps the echo at `range_m`: the echo is too near, and
+// a nearer bin outside its own main lobe has more than twice the median power.
 bool leakage_overlaps(const Profile& profile, const EchoAxis& axis, double range_m) {
-  constexpr double lobe_cells = 3, log2_of_two = 1;
-  if (range_m >= 2 * lobe_cells * axis.resolution_m) return false;
+  constexpr double log2_of_two = 1;
+  if (range_m >= min_range_m(axis)) return false;
   const double free_m = range_m - lobe_cells * axis.resolution_m;
   const auto bins = static_cast<std::ptrdiff_t>((free_m - axis.start_m) / axis.step_m) + 1;
   return bins < 1 || *std::max_element(profile.mean.begin(), profile.mean.begin() + bins) >
@@ -421,19 +426,19 @@ bool leakage_overlaps(const Profile& profile, const EchoAxis& axis, double range
 WindowFit fit_radar_response(const Profiles& frames, const EchoAxis& axis, double range_m,
                              record::Response& out) {
   constexpr std::size_t min_frames = 8;
-  constexpr const char* advice =
-      "remove other objects and place the reflector farther away (e.g. at 3 m for range cells of "
-      "50 cm), or use a cfg with shorter range cells";
+  const std::string advice = format(
+      "; remove other objects and place the reflector at %.1f m or farther, because the range "
+      "cells of this cfg have %.0f cm, or use a cfg with shorter range cells",
+      min_range_m(axis), 100 * axis.resolution_m);
   if (frames.size() < min_frames) return {{}, "fewer than 8 frames received"};
   const Profile profile = profile_of(frames);
   if (leakage_overlaps(profile, axis, range_m))
-    return {{}, std::string("transmitter leakage overlaps the reflector's echo; ") + advice};
+    return {{}, "transmitter leakage overlaps the reflector's echo" + advice};
   EchoFit echo(profile, axis, frames.size(), range_m);
-  if (!echo.enough())
-    return {{}, std::string("another echo overlaps the reflector's echo; ") + advice};
+  if (!echo.enough()) return {{}, "another echo overlaps the reflector's echo" + advice};
   echo.fit();
   if (!echo.of_one_point())
-    return {{}, std::string("the echo does not match that of a single point target; ") + advice};
+    return {{}, "the echo does not match that of a single point target" + advice};
   WindowFit found{EchoFit::window_of(echo.best.parameters), {}};
   const VectorXd shape = shape_of(found.window),
                  errors = std::sqrt(echo.misfit()) * shape_errors(echo.best, shape);

@@ -5,7 +5,6 @@
 #include <cstdint>
 #include <span>
 #include <string>
-#include <vector>
 
 #include "acquire/calibrate/peak.hpp"
 #include "acquire/measurement/response.hpp"

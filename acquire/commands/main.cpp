@@ -155,7 +155,12 @@ void take_meta(Options& o, const Config& config) {
       if (before == key) throw Error(ExitCode::usage, "--meta " + key + ": given twice");
     o.run.meta.emplace_back(key, pair.substr(equals + 1));
   }
-  if (!record::is_response(complete_meta(o.run.meta, config)))
+  const auto meta = complete_meta(o.run.meta, config);
+  if (const std::string fault =
+          record::fault_of_width(meta, static_cast<double>(config.histogram.bin_width_ps));
+      !fault.empty())
+    throw Error(ExitCode::config, fault);
+  if (!record::is_response(meta))
     throw Error(ExitCode::usage,
                 "--meta: expected a response as `calibrate` prints it: irf_fwhm_ps above 0; "
                 "radar_cell_m above 0 with radar_taps, 3 to 64 numbers with a peak of 1");

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <array>
 
-#include "acquire/config/config.hpp"
 #include "acquire/measurement/radar_array.hpp"
 #include "drivers/radar/sdk.hpp"
 #include "drivers/util/exit_code.hpp"
@@ -56,16 +55,21 @@ void bind(Settings& s, Texts& response) {
     s.add("response." + key, text, "number +- standard error, as in the metadata of a run");
 }
 
-void bind(Settings& s, CalibratedAxes& a, bool spd, bool radar) {
-  if (spd) {
-    s.add("axes.bin_width_ps", a.bin_width_ps, 0, 1e9, "bin width of the histogram");
-    s.add("axes.first_bin_ps", a.first_bin_ps, -1e12, 1e12, "start of bin 0 of the histogram");
-    s.add("axes.bins", a.bins, 0, 1 << 24, "number of bins of the histogram");
-  }
-  if (radar) {
-    s.add("axes.radar_step_m", a.radar_step_m, 0, 1000, "distance between points of the profile");
-    s.add("axes.radar_bins", a.radar_bins, 0, 1 << 24, "number of points of the profile");
-  }
+void bind_spd_axis(Settings& s, Axis& spd) {
+  s.add("axes.bin_width_ps", spd.step, 0, 1e9, "bin width of the histogram");
+  s.add("axes.first_bin_ps", spd.start, -1e12, 1e12, "start of bin 0 of the histogram");
+  s.add("axes.bins", spd.count, 0, 1 << 24, "number of bins of the histogram");
+}
+
+void bind_radar_axis(Settings& s, Axis& radar) {
+  s.add("axes.radar_step_m", radar.step, 0, 1000, "distance between points of the profile");
+  s.add("axes.radar_bins", radar.count, 0, 1 << 24, "number of points of the profile");
+}
+
+void bind(Settings& s, std::string& line, std::int64_t& lines) {
+  s.add("firmware.line", line,
+        "mean of the compRangeBiasAndRxChanPhase lines that the radar reported");
+  s.add("firmware.lines", lines, 0, 1'000'000'000, "number of lines averaged in firmware.line");
 }
 
 std::string text_of(const std::vector<double>& values) {
@@ -111,26 +115,12 @@ Calibration Calibration::over(const Calibration& older) const {
   out.baseline_m = find(Sensor::radar) ? baseline_m : older.baseline_m;
   out.firmware = firmware ? firmware : older.firmware;
   out.antennas = antennas.empty() ? older.antennas : antennas;
-  const record::Response &spd = response.irf_fwhm_ps.value > 0 ? response : older.response,
-                         &radar = response.radar.known() ? response : older.response;
-  out.response = {spd.irf_fwhm_ps, spd.irf_tail_ps,           spd.irf_tail_share,
-                  radar.radar,     radar.taps_standard_error, radar.radar_noise_exponent};
-  const CalibratedAxes &of_spd = axes.bins > 0 ? axes : older.axes,
-                       &of_radar = axes.radar_bins > 0 ? axes : older.axes;
-  out.axes = {of_spd.bin_width_ps, of_spd.first_bin_ps, of_radar.radar_step_m, of_spd.bins,
-              of_radar.radar_bins};
-  return out;
-}
-
-CalibratedAxes axes_of(const Config& config, const Calibration& calibration, const Axis& radar) {
-  CalibratedAxes out;
-  if (calibration.find(Sensor::spd)) {
-    out.bin_width_ps = static_cast<double>(config.histogram.bin_width_ps);
-    out.first_bin_ps = static_cast<double>(config.histogram.first_bin_ps);
-    out.bins = config.histogram.bins;
-  }
-  if (!calibration.find(Sensor::radar)) return out;
-  out.radar_step_m = radar.step, out.radar_bins = radar.count;
+  const record::Response &pulse = response.irf_fwhm_ps.value > 0 ? response : older.response,
+                         &echo = response.radar.known() ? response : older.response;
+  out.response = {pulse.irf_fwhm_ps, pulse.irf_tail_ps,        pulse.irf_tail_share,
+                  echo.radar,        echo.taps_standard_error, echo.radar_noise_exponent};
+  out.axes = {axes.spd.count > 0 ? axes.spd : older.axes.spd,
+              axes.radar.count > 0 ? axes.radar : older.axes.radar};
   return out;
 }
 
@@ -143,15 +133,13 @@ Calibration read_calibration(const std::string& path) {
     entries[i].sensor = ranging[i];
     bind(settings, name_of(ranging[i]), entries[i]);
   }
-  settings.add("firmware.line", line,
-               "mean of the compRangeBiasAndRxChanPhase lines that the radar reported");
-  settings.add("firmware.lines", firmware.lines, 0, 1'000'000'000,
-               "number of lines averaged in firmware.line");
+  bind(settings, line, firmware.lines);
   Calibration out;
   settings.add(baseline_key, out.baseline_m, 0, max_baseline_m, baseline_text);
   AntennaTexts texts;
   bind(settings, out.antennas, texts);
-  bind(settings, out.axes, true, true);
+  bind_spd_axis(settings, out.axes.spd);
+  bind_radar_axis(settings, out.axes.radar);
   Texts stated;
   for (const char* key : record::response_keys) stated.emplace_back(key, "");
   bind(settings, stated);
@@ -190,17 +178,15 @@ void write_calibration(const std::string& path, const Calibration& calibration) 
   if (const auto& f = calibration.firmware) {
     line = radar::to_line(*f);
     lines = f->lines;
-    settings.add("firmware.line", line,
-                 "mean of the compRangeBiasAndRxChanPhase lines that the radar reported");
-    settings.add("firmware.lines", lines, 0, 1'000'000'000,
-                 "number of lines averaged in firmware.line");
+    bind(settings, line, lines);
   }
   AntennaGains antennas = calibration.antennas;
   AntennaTexts texts{text_of(antennas.gain), text_of(antennas.phase_rad),
                      text_of(antennas.standard_error)};
   if (!antennas.empty()) bind(settings, antennas, texts);
   CalibratedAxes axes = calibration.axes;
-  bind(settings, axes, axes.bins > 0, axes.radar_bins > 0);
+  if (axes.spd.count > 0) bind_spd_axis(settings, axes.spd);
+  if (axes.radar.count > 0) bind_radar_axis(settings, axes.radar);
   Texts response = calibration.response.meta();
   for (auto& [key, text] : response)
     settings.add("response." + key, text, "number +- standard error");

@@ -27,12 +27,9 @@ struct AntennaGains {
   bool empty() const { return gain.empty(); }
 };
 
-// Axes of the sensors during the calibration. The values of an uncalibrated sensor are 0.
+// Axes of the sensors during the calibration; without points if a sensor is not calibrated.
 struct CalibratedAxes {
-  double bin_width_ps = 0, first_bin_ps = 0, radar_step_m = 0;
-  std::int64_t bins = 0, radar_bins = 0;
-
-  bool operator==(const CalibratedAxes&) const = default;
+  Axis spd, radar;
 };
 
 inline constexpr double max_baseline_m = 10;
@@ -50,11 +47,6 @@ struct Calibration {
   // Returns a copy of this calibration; parts that it lacks are copied from `older`.
   Calibration over(const Calibration& older) const;
 };
-
-struct Config;
-// Returns the range axes of the calibrated sensors in this configuration, and 0 for the other
-// sensors. `radar` is the range axis of the radar.
-CalibratedAxes axes_of(const Config& config, const Calibration& calibration, const Axis& radar);
 
 // Throws Error(config) that lists all errors, each with its line number in the file.
 Calibration read_calibration(const std::string& path);

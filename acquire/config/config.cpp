@@ -17,29 +17,11 @@
 namespace echofuse::acquire {
 namespace {
 
-// Values that `Config` stores with a different type. Integers are read from the file as 64-bit
-// numbers.
+// Values that `Config` stores in another form.
 struct Keys {
-  std::int64_t start_channel, click_channel, bins;
-  std::int64_t data_baud, width, height, fps, map_size;
   std::string folder, cfg, calibration;
-  bool first_photon_only;
+  bool first_photon_only = false;
 };
-
-Keys defaults_of(const Config& c) {
-  return {c.histogram.start_channel,
-          c.histogram.click_channel,
-          c.histogram.bins,
-          c.radar.data_baud,
-          c.depth.width,
-          c.depth.height,
-          c.depth.fps,
-          c.map.size,
-          "",
-          "",
-          "",
-          false};
-}
 
 void bind_policy(Settings& s, Config& c, const std::string& section, Sensor sensor) {
   s.add(section + ".policy", c.policy[sensor],
@@ -71,9 +53,9 @@ void bind_tdc(Settings& s, Config& c, Keys& k) {
         "address of the detector, one of: bridge:tcp://HOST:PORT, usb:VVVV:PPPP[:serial]; empty: "
         "no detector");
   bind_policy(s, c, "tdc", Sensor::spd);
-  s.add("tdc.start_channel", k.start_channel, -channel_max, channel_max,
+  s.add("tdc.start_channel", c.histogram.start_channel, -channel_max, channel_max,
         "channel of the laser sync; negative for falling edges");
-  s.add("tdc.click_channel", k.click_channel, -channel_max, channel_max,
+  s.add("tdc.click_channel", c.histogram.click_channel, -channel_max, channel_max,
         "channel of the detector; negative for falling edges");
   s.add("tdc.laser_rate_hz", c.laser_rate_hz, 0, 1e10,
         "number of laser pulses per second; a record with too few laser pulses is flagged "
@@ -82,7 +64,7 @@ void bind_tdc(Settings& s, Config& c, Keys& k) {
         "width of a histogram bin in two-way time, ps");
   s.add("tdc.first_bin_ps", c.histogram.first_bin_ps, -1'000'000'000'000, 1'000'000'000'000,
         "two-way time from the laser sync to the start of bin 0, ps");
-  s.add("tdc.bins", k.bins, 1, 1 << 24, "number of bins of the histogram");
+  s.add("tdc.bins", c.histogram.bins, 1, 1 << 24, "number of bins of the histogram");
   constexpr std::int64_t delay_max = 1'000'000'000;
   s.add(
       "tdc.click_delay_ps", c.histogram.click_delay_ps, -delay_max, delay_max,
@@ -120,23 +102,24 @@ void bind_radar(Settings& s, Config& c, Keys& k) {
   s.add("radar.mount_tolerance_m", c.mount_tolerance_m, 0, record::max_mount_tolerance_m,
         "standard deviation of the range error caused by movements of the mounts since the "
         "calibration, m");
-  s.add("radar.data_baud", k.data_baud, 1200, 4'000'000, "baud rate of the radar's data port");
+  s.add("radar.data_baud", c.radar.data_baud, 1200, 4'000'000,
+        "baud rate of the radar's data port");
   s.add("radar.keep_running", c.radar.keep_running,
         "true: do not send sensorStop at the end of a run, so that the radar keeps transmitting");
 }
 
-void bind_depth(Settings& s, Config& c, Keys& k) {
+void bind_depth(Settings& s, Config& c) {
   s.add("depth.address", c.depth.address,
         "address of the depth camera, one of: openni:[URI or file.oni], bridge:tcp://HOST:PORT; "
         "empty: no camera");
   bind_policy(s, c, "depth", Sensor::depth);
-  s.add("depth.width", k.width, 0, 1 << 14,
+  s.add("depth.width", c.depth.width, 0, 1 << 14,
         "image width of an OpenNI2 camera, pixels; 0: default of the camera");
-  s.add("depth.height", k.height, 0, 1 << 14,
+  s.add("depth.height", c.depth.height, 0, 1 << 14,
         "image height of an OpenNI2 camera, pixels; 0: default of the camera");
-  s.add("depth.fps", k.fps, 0, 1000,
+  s.add("depth.fps", c.depth.fps, 0, 1000,
         "number of frames per second of an OpenNI2 camera; 0: default of the camera");
-  s.add("depth.map_size", k.map_size, record::min_map_size, record::max_map_size,
+  s.add("depth.map_size", c.map.size, record::min_map_size, record::max_map_size,
         "number of pixels per side of the depth map; camera images are resampled to this size");
   s.add("depth.map_half_tangent", c.map.half_tangent, record::min_map_half_tangent,
         record::max_map_half_tangent,
@@ -149,7 +132,7 @@ void bind(Settings& s, Config& c, Keys& k) {
   bind_run(s, c, k);
   bind_tdc(s, c, k);
   bind_radar(s, c, k);
-  bind_depth(s, c, k);
+  bind_depth(s, c);
   bind_limits(s, c.signal);
   s.add("alert.after_s", c.alert.after_s, 0, 86'400,
         "time that a problem of a sensor must last before an alert, and the good state before its "
@@ -160,18 +143,6 @@ void bind(Settings& s, Config& c, Keys& k) {
         "program and its arguments, started by `run` when the state of a sensor or of the disk "
         "changes; a program in the folder of this configuration file needs no path; empty: no "
         "program");
-}
-
-void take_numbers(Config& c, const Keys& k) {
-  c.histogram.start_channel = static_cast<std::int32_t>(k.start_channel);
-  c.histogram.click_channel = static_cast<std::int32_t>(k.click_channel);
-  c.histogram.bins = static_cast<std::uint32_t>(k.bins);
-  c.radar.data_baud = static_cast<std::uint32_t>(k.data_baud);
-  c.depth.width = static_cast<std::uint32_t>(k.width);
-  c.depth.height = static_cast<std::uint32_t>(k.height);
-  c.depth.fps = static_cast<std::uint32_t>(k.fps);
-  c.map.size = static_cast<std::uint32_t>(k.map_size);
-  if (k.first_photon_only) c.detector.dead_time_ps = std::numeric_limits<double>::infinity();
 }
 
 // Collects the errors that the type and range checks of single keys cannot find.
@@ -323,8 +294,6 @@ std::string variable(const char* name) {
   return value ? value : "";
 }
 
-bool named_by_environment() { return !variable("ECHOFUSE_CONFIG").empty(); }
-
 }  // namespace
 
 void bind_limits(Settings& s, SignalLimits& l) {
@@ -377,12 +346,13 @@ SensorSet Config::required() const {
 Config load_config(const std::string& path, const std::vector<std::string>& assignments,
                    bool with_calibration) {
   Config config;
-  Keys keys = defaults_of(config);
+  Keys keys;
   Settings settings;
   bind(settings, config, keys);
   config.text = read_config_text(path);
   std::vector<std::string> faults = settings.read(config.text, path, assignments);
-  take_numbers(config, keys);
+  if (keys.first_photon_only)
+    config.detector.dead_time_ps = std::numeric_limits<double>::infinity();
   if (settings.whole())
     check_config(ConfigChecker(settings, path, faults), config, keys,
                  std::filesystem::path(path).parent_path(), with_calibration);
@@ -405,7 +375,8 @@ Config load_config(const std::string& path, const std::vector<std::string>& assi
 }
 
 std::vector<ConfigPlace> config_places() {
-  if (named_by_environment()) return {{variable("ECHOFUSE_CONFIG"), "$ECHOFUSE_CONFIG"}};
+  if (const std::string named = variable("ECHOFUSE_CONFIG"); !named.empty())
+    return {{named, "$ECHOFUSE_CONFIG"}};
   std::vector<ConfigPlace> places{{"lab.toml", "./lab.toml"}};
   const std::string own = variable("XDG_CONFIG_HOME"), home = variable("HOME");
   if (own.starts_with('/'))  // the XDG specification requires relative paths to be ignored
@@ -418,8 +389,9 @@ std::vector<ConfigPlace> config_places() {
 
 std::optional<ConfigPlace> find_config() {
   std::error_code none;
-  for (const ConfigPlace& place : config_places())
-    if (named_by_environment() || std::filesystem::exists(place.path, none)) return place;
+  const std::vector<ConfigPlace> places = config_places();
+  for (const ConfigPlace& place : places)
+    if (places.size() == 1 || std::filesystem::exists(place.path, none)) return place;
   return std::nullopt;
 }
 

@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "acquire/config/config.hpp"
-#include "drivers/core/sample.hpp"
 #include "drivers/util/lock.hpp"
 
 namespace echofuse::acquire {

@@ -29,7 +29,21 @@ const std::string& identity_of(const Device& device) {
 
 Devices::Devices(port::Loop& loop, const Config& config, SampleSink& next, port::RawKeeper* raw,
                  const MakeRecording& recording)
-    : loop_(loop), config_(config), next_(&next), stream_(config, *this, !recording) {
+    : loop_(loop),
+      config_(config),
+      next_(&next),
+      live_(!recording),
+      samples_(config.window_s,
+               [this](Sensor sensor, const std::string& text) {
+                 on_event(sensor, Severity::warning, text);
+               }),
+      tags_(config.histogram, live_,
+            [this](const std::string& text) { on_event(Sensor::spd, Severity::warning, text); }),
+      take_tags_([this](const TagBlock& repaired) {
+        clocks_.observe(repaired);
+        status(Sensor::spd).samples += repaired.tags.size();
+        next_->on_tags(repaired);
+      }) {
   for (const Sensor s : all_sensors) {
     status(s).configured = config.configured().contains(s);
     status(s).info.address = address_of(config, s);
@@ -70,14 +84,16 @@ void Devices::start() {
                       "the calibration of " + printable(entry.date_utc, 40) +
                           " is older than 90 days; calibrate again");
   for (const Sensor s : all_sensors)
-    if (auto& driver = drivers_[s]; driver && !status(s).holder) driver->start(stream_);
+    if (auto& driver = drivers_[s]; driver && !status(s).holder) driver->start(*this);
 }
 
 void Devices::stop() {
   for (const Sensor s : halt())
     next_->on_event(s, Severity::warning,
                     "the device did not confirm the stop and may still be sending");
-  stream_.finish();
+  tags_.flush(take_tags_);
+  tags_.finish();
+  samples_.finish();
 }
 
 // Stops all drivers. Returns the sensors that did not confirm the stop in time.
@@ -135,22 +151,26 @@ std::string Devices::describe(Sensor s) const {
   return device.last_event.empty() ? text : text + ": " + printable(device.last_event, 500);
 }
 
-void Devices::on_tags(const TagBlock& block) {
-  status(Sensor::spd).samples += block.tags.size();
-  next_->on_tags(block);
-}
+void Devices::on_tags(const TagBlock& block) { tags_.take(block, take_tags_); }
 
 void Devices::on_histogram(HistogramFrame frame) {
+  if (!samples_.take(frame)) return;
+  clocks_.observe(frame);
   status(Sensor::spd).samples += frame.pulses + frame.clicks();
   next_->on_histogram(std::move(frame));
 }
 
 void Devices::on_radar(RadarFrame frame) {
+  const bool bridged = !config_.radar.address.empty();
+  if (bridged) samples_.take(frame);
+  if (live_) clocks_.observe(frame);
   ++status(Sensor::radar).samples;
   next_->on_radar(std::move(frame));
 }
 
 void Devices::on_depth(DepthFrame frame) {
+  samples_.take(frame);
+  clocks_.observe(frame);
   ++status(Sensor::depth).samples;
   next_->on_depth(std::move(frame));
 }
@@ -166,11 +186,13 @@ void Devices::warn_of_another(Sensor sensor, const DeviceInfo& info) {
 }
 
 void Devices::on_state(Sensor sensor, DeviceState state, const DeviceInfo& info) {
+  if (sensor == Sensor::spd && state == DeviceState::ended) tags_.flush(take_tags_);
   Status& device = status(sensor);
   device.state = state;
   if (state == DeviceState::streaming) warn_of_another(sensor, info);
   if (state == DeviceState::streaming || !info.firmware.empty()) device.info = info;
   next_->on_state(sensor, state, info);
+  for (const Axis& axis : info.axes) samples_.take(axis);
 }
 
 void Devices::abandon() {

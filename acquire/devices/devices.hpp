@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: MIT
-// Owns the drivers of the configured devices, and tracks the status of each device.
+// Owns the drivers of the configured devices, and tracks the status of each device. First stage of
+// the intake, for every command that reads devices: checks and repairs the samples, and fits the
+// clocks of the devices. The second stage is acquire/intake/intake.hpp.
 #pragma once
 #include <cstdint>
 #include <functional>
@@ -10,16 +12,19 @@
 
 #include "acquire/config/config.hpp"
 #include "acquire/devices/device_locks.hpp"
-#include "acquire/intake/stream.hpp"
+#include "acquire/intake/clock_fit.hpp"
+#include "acquire/intake/sample_check.hpp"
+#include "acquire/intake/tag_check.hpp"
 #include "drivers/core/driver.hpp"
 #include "drivers/port/loop.hpp"
 #include "drivers/util/exit_code.hpp"
 
 namespace echofuse::acquire {
 
-// Receives the samples and events of the drivers through a Stream, updates the status, and forwards
-// them to `next`.
-// Threading: used only on the loop's thread.
+// Receives the samples and events of the drivers, updates the status, and passes them to `next`,
+// with repaired tags and without lost histograms. Reports each fault to `next` as a warning.
+// clocks() has observed every sample before it is passed on, so that it contains the host time of
+// the sample. Threading: used only on the loop's thread.
 class Devices final : private SampleSink {
  public:
   struct Status {
@@ -36,7 +41,9 @@ class Devices final : private SampleSink {
 
   // Throws Error(config) for an invalid address. `loop`, `config` and `next` must outlive this
   // object. If `raw` is not null, it receives the raw bytes of all devices. If `recording` is not
-  // empty, it creates the devices, which play recordings.
+  // empty, it creates the devices, which play recordings. Recordings compute the arrival times from
+  // the device clocks: no clock is compared with the arrival times, and the faults of tags are
+  // reported at the end.
   using MakeRecording = std::function<std::unique_ptr<Driver>(Sensor)>;
   Devices(port::Loop& loop, const Config& config, SampleSink& next, port::RawKeeper* raw = nullptr,
           const MakeRecording& recording = {});
@@ -49,8 +56,9 @@ class Devices final : private SampleSink {
   // Takes only the locks that are free.
   void take_free(const std::string& command);
   void start();
-  // Stops all drivers in parallel, waits for them and ends the stream. Sends a warning to `next`
-  // for each device that does not confirm the stop.
+  // Stops all drivers in parallel, waits for them, passes on the tags that wait for later tags, and
+  // reports the faults that have not been reported yet. Sends a warning to `next` for each device
+  // that does not confirm the stop.
   void stop();
   // Stops all drivers without sending events; for use after an exception.
   void abandon();
@@ -60,7 +68,7 @@ class Devices final : private SampleSink {
   void wait(double timeout_s);
   void refuse_misconfigured() const;  // throws Error(config) if a device is misconfigured
   const Status& operator[](Sensor s) const { return status_[s]; }
-  const SensorClocks& clocks() const { return stream_.clocks(); }
+  const SensorClocks& clocks() const { return clocks_; }
   // Returns the counters of the sensor's driver, even after the driver has ended; empty if the
   // sensor is not configured.
   std::vector<Counter> counters(Sensor s) const;
@@ -92,7 +100,11 @@ class Devices final : private SampleSink {
   // Serial number of the device; its model if the serial number is unknown.
   PerSensor<std::string> identities_;
   PerSensor<std::unique_ptr<Driver>> drivers_;
-  Stream stream_;
+  const bool live_;
+  SampleCheck samples_;
+  TagCheck tags_;
+  TagCheck::Output take_tags_;
+  SensorClocks clocks_;
   PerSensor<std::vector<Counter>> last_counters_;  // counters of drivers that have ended
 };
 

@@ -4,7 +4,6 @@
 #include <cstdio>
 #include <filesystem>
 #include <nlohmann/json.hpp>
-#include <utility>
 
 #include "acquire/devices/device_check.hpp"
 #include "acquire/run/disk.hpp"

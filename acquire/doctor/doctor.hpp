@@ -74,9 +74,8 @@ class Capture final : public SampleSink {
   void on_event(Sensor sensor, Severity severity, const std::string& text) override;
 
   record::FusedRecord record;  // record of the slot, with the same verdicts as in a run
+  std::vector<Axis> axes;      // axes of the devices that have answered
   bool sends_histograms = false;
-  std::size_t zones = 1;
-  std::uint32_t width = 0, height = 0;             // size of the camera's frames
   std::map<std::int32_t, std::uint64_t> channels;  // number of time tags per channel
   PerSensor<std::vector<std::string>> complaints;  // distinct warnings and errors of each sensor
 

@@ -15,6 +15,7 @@
 #include "drivers/port/open_port.hpp"
 #include "drivers/util/format.hpp"
 #include "drivers/util/program.hpp"
+#include "drivers/util/regular_file.hpp"
 
 namespace echofuse::acquire {
 namespace {
@@ -33,14 +34,6 @@ constexpr const char* check_plug =
 std::string text_of(const fs::path& file) {
   std::ifstream in(file);
   return {std::istreambuf_iterator<char>(in), {}};
-}
-
-std::vector<fs::path> entries(const fs::path& folder) {
-  std::vector<fs::path> out;
-  std::error_code error;
-  for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error))
-    out.push_back(it->path());
-  return out;
 }
 
 // Returns the device node of a serial port address; empty for any other address.
@@ -102,7 +95,7 @@ bool rules_installed(const MachineRoots& roots) {
 }
 
 bool modem_manager_runs(const MachineRoots& roots) {
-  for (const auto& process : entries(roots.proc))
+  for (const auto& process : entries_of(roots.proc))
     if (text_of(process / "comm") == "ModemManager\n") return true;
   return false;
 }

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: MIT
 #include <algorithm>
 #include <cinttypes>
-#include <cmath>
 #include <numeric>
 
 #include "acquire/doctor/doctor.hpp"
-#include "acquire/record/deflate.hpp"
+#include "acquire/intake/tag_check.hpp"
+#include "acquire/record/columns.hpp"
 #include "drivers/util/format.hpp"
 
 namespace echofuse::acquire {
@@ -14,13 +14,6 @@ namespace {
 constexpr double slow = 0.9;  // lowest accepted fraction of the nominal rate
 
 double rate(std::uint64_t count) { return static_cast<double>(count) / Capture::slot_s; }
-
-std::string hertz(double value) {
-  constexpr const char* units[] = {"Hz", "kHz", "MHz"};
-  std::size_t unit = 0;
-  for (; value >= 1000 && unit + 1 < std::size(units); ++unit) value /= 1000;
-  return format("%.4g %s", value, units[unit]);
-}
 
 double share(std::uint64_t part, std::uint64_t whole) {
   return whole ? static_cast<double>(part) / static_cast<double>(whole) : 0;
@@ -32,22 +25,31 @@ void mark(Finding& finding, Grade grade, const std::string& advice) {
   finding.grade = std::max(finding.grade, grade);
 }
 
-// Checks a frame rate. The tolerance is one frame, because the capture may begin and end in the
-// middle of a frame.
-void check_rate(Finding& finding, std::uint64_t frames, double nominal_hz) {
-  const double expected = nominal_hz * Capture::slot_s, got = static_cast<double>(frames);
+// Checks the frame rate, unless the nominal rate is 0. The tolerance is one frame, because the
+// capture may begin and end in the middle of a frame.
+Finding frame_finding(const char* check, std::uint64_t lost, std::uint64_t frames,
+                      double nominal_hz) {
+  const double fps = rate(frames), got = static_cast<double>(frames);
+  const double expected = nominal_hz * Capture::slot_s;
+  Finding out{.check = check,
+              .found = format("%.4g frames/s", fps),
+              .facts = {{"frames_per_s", fps},
+                        {"nominal_frames_per_s", nominal_hz},
+                        {"lost_frames", static_cast<double>(lost)}}};
+  if (nominal_hz > 0) out.found += format(", expected %.4g", nominal_hz);
+  out.found += format(", %" PRIu64 " lost", lost);
   if (got + 1 < slow * expected)
-    mark(finding, Grade::problem,
-         "frame rate is lower than configured; check the cable and the port");
-  else if (got - 1 > expected / slow)
-    mark(finding, Grade::warning,
+    mark(out, Grade::problem, "frame rate is lower than configured; check the cable and the port");
+  else if (nominal_hz > 0 && got - 1 > expected / slow)
+    mark(out, Grade::warning,
          "frame rate is higher than configured; check whether the device refused the setting");
+  return out;
 }
 
 std::string channel_list(const Capture& capture) {
   std::string text;
   for (const auto& [channel, count] : capture.channels)
-    text += format("%s%d (%s)", text.empty() ? "" : ", ", channel, hertz(rate(count)).c_str());
+    text += format("%s%d (%s)", text.empty() ? "" : ", ", channel, rate_text(rate(count)).c_str());
   return text.empty() ? "no channel has tags" : "channels with tags: " + text;
 }
 
@@ -55,13 +57,13 @@ std::string channel_list(const Capture& capture) {
 // clicks.
 void add_zones(Finding& finding, const Capture& capture) {
   const std::vector<std::uint32_t>& counts = capture.record.spd;
-  if (capture.zones < 2 || counts.empty()) return;
+  const Axis* const axis = find_axis(capture.axes, "spd");
+  if (!axis || axis->zones.size() < 2 || counts.empty()) return;
   finding.found += "; zones";
-  const auto bins = static_cast<std::ptrdiff_t>(counts.size() / capture.zones);
-  for (std::size_t z = 0; z < capture.zones; ++z) {
-    const auto from = counts.begin() + static_cast<std::ptrdiff_t>(z) * bins;
-    const auto clicks = std::accumulate(from, from + bins, std::uint64_t{0});
-    finding.found += " " + hertz(rate(clicks));
+  for (std::size_t z = 0; z < axis->zones.size(); ++z) {
+    const auto from = counts.begin() + static_cast<std::ptrdiff_t>(z * axis->count);
+    const auto clicks = std::accumulate(from, from + axis->count, std::uint64_t{0});
+    finding.found += " " + rate_text(rate(clicks));
     finding.facts.push_back({"zone_" + std::to_string(z) + "_clicks_per_s", rate(clicks)});
     if (clicks == 0) mark(finding, Grade::warning, "zone " + std::to_string(z) + " has no counts");
   }
@@ -73,14 +75,9 @@ void Capture::announce(const DeviceInfo& info) {
   if (!intake_) return;
   intake_->slots.announce(info);
   if (info.sensor == Sensor::spd) sends_histograms = !info.axes.empty();
-  for (const Axis& axis : info.axes) {
-    if (axis.name == "spd") zones = axis.zones.size();
-    if (axis.name == "depth_x" || axis.name == "depth_y")
-      (axis.name == "depth_x" ? width : height) = axis.count;
-  }
 }
 
-void Capture::end() { record = intake_->close({}); }
+void Capture::end() { record = intake_->close({}), axes = intake_->slots.axes(); }
 
 void Capture::on_tags(const TagBlock& block) {
   add(block);
@@ -105,18 +102,19 @@ Finding spd_finding(const Capture& capture, const Config& config) {
   const std::uint64_t lost = capture.record.sync[Sensor::spd].lost;
   const bool board = capture.sends_histograms;
   const std::string device = board ? "the detector" : "the tagger";
-  Finding out{.check = "spd",
-              .found = board ? format("counts %s, %" PRIu64 " histograms lost",
-                                      hertz(rate(clicks)).c_str(), lost)
-                             : format("starts %s, clicks %s, %.0f %% of the clicks in the "
-                                      "histogram, %" PRIu64 " tags and %" PRIu64 " blocks lost",
-                                      hertz(rate(n.starts)).c_str(), hertz(rate(clicks)).c_str(),
-                                      100 * share(n.in_range, clicks), lost, n.lost_blocks),
-              .facts = {{"starts_per_s", rate(n.starts)},
-                        {"clicks_per_s", rate(clicks)},
-                        {"share_in_range", share(n.in_range, clicks)},
-                        {"lost_tags", static_cast<double>(lost)},
-                        {"lost_blocks", static_cast<double>(n.lost_blocks)}}};
+  Finding out{
+      .check = "spd",
+      .found = board ? format("counts %s, %" PRIu64 " histograms lost",
+                              rate_text(rate(clicks)).c_str(), lost)
+                     : format("starts %s, clicks %s, %.0f %% of the clicks in the "
+                              "histogram, %" PRIu64 " tags and %" PRIu64 " blocks lost",
+                              rate_text(rate(n.starts)).c_str(), rate_text(rate(clicks)).c_str(),
+                              100 * share(n.in_range, clicks), lost, n.lost_blocks),
+      .facts = {{"starts_per_s", rate(n.starts)},
+                {"clicks_per_s", rate(clicks)},
+                {"share_in_range", share(n.in_range, clicks)},
+                {"lost_tags", static_cast<double>(lost)},
+                {"lost_blocks", static_cast<double>(n.lost_blocks)}}};
   add_zones(out, capture);
   if (n.starts == 0 && !board)
     mark(out, Grade::problem,
@@ -142,39 +140,24 @@ Finding spd_finding(const Capture& capture, const Config& config) {
 Finding radar_finding(const Capture& capture, const Config& config) {
   const record::FusedRecord& record = capture.record;
   const record::SensorSync& sync = record.sync[Sensor::radar];
-  const double fps = rate(sync.arrived);
-  Finding out{.check = "radar",
-              .found = {},
-              .facts = {{"frames_per_s", fps},
-                        {"lost_frames", static_cast<double>(sync.lost)},
-                        {"bins", static_cast<double>(record.radar.size())}}};
-  if (!config.radar.address.empty()) {
-    out.found = format("%.4g range profiles/s with %zu bins, %" PRIu64 " lost", fps,
-                       record.radar.size(), sync.lost);
-    return out;
-  }
-  const radar::RadarProfile cfg = parse_profile(config.radar);
-  const double nominal_hz = 1 / cfg.frame_period_s;
-  out.found = format("%.4g frames/s, expected %.4g, %" PRIu64 " lost", fps, nominal_hz, sync.lost);
-  out.facts.insert(out.facts.begin() + 1, {"nominal_frames_per_s", nominal_hz});
-  check_rate(out, sync.arrived, nominal_hz);
-  if (sync.lost > 0)
+  Finding out = frame_finding("radar", sync.lost, sync.arrived, config.nominal_hz()[Sensor::radar]);
+  out.facts.emplace_back("bins", static_cast<double>(record.radar.size()));
+  const bool bridged = !config.radar.address.empty();
+  const radar::RadarProfile cfg = bridged ? radar::RadarProfile{} : parse_profile(config.radar);
+  if (sync.lost > 0 && !bridged)
     mark(out, Grade::warning, "check the cable, and that radar.data_baud matches the .cfg");
   if (!record.has(Sensor::radar)) {
-    mark(out, Grade::problem,
-         format("no frame has a range profile of the %" PRIu32
-                " bins that radar.cfg defines; the radar may be running a different .cfg, or the "
-                "third number of guiMonitor is 0",
-                cfg.bins));
+    if (!bridged)
+      mark(out, Grade::problem,
+           format("no frame has a range profile of the %" PRIu32
+                  " bins that radar.cfg defines; the radar may be running a different .cfg, or the "
+                  "third number of guiMonitor is 0",
+                  cfg.bins));
     return out;
   }
-  auto sorted = record.radar;
-  std::sort(sorted.begin(), sorted.end());
-  const auto peak = std::max_element(record.radar.begin(), record.radar.end());
-  const double over_median_db =
-      10 * std::log10(double{sorted.back()} / double{sorted[sorted.size() / 2]});
-  const double peak_m = static_cast<double>(peak - record.radar.begin()) * cfg.range_step_m;
-  out.found += format("; %" PRIu32 " bins, peak at %.2f m, %.0f dB over the median", cfg.bins,
+  const double peak_m = record.signal.radar_peak_m.value_or(0),
+               over_median_db = record.signal.radar_snr_db.value_or(0);
+  out.found += format("; %zu bins, peak at %.2f m, %.0f dB over the median", record.radar.size(),
                       peak_m, over_median_db);
   out.facts.emplace_back("peak_m", peak_m);
   out.facts.emplace_back("peak_over_median_db", over_median_db);
@@ -187,31 +170,23 @@ Finding radar_finding(const Capture& capture, const Config& config) {
       mark(out, Grade::problem,
            "no frame contains the heat map that the .cfg defines; check radar.board");
   }
-  if (sorted.front() == sorted.back())
+  if (const auto [low, high] = std::ranges::minmax(record.radar); low == high)
     mark(out, Grade::problem, "all bins are equal: the board is not measuring");
   return out;
 }
 
 Finding depth_finding(const Capture& capture, const Config& config) {
   const record::SensorSync& sync = capture.record.sync[Sensor::depth];
-  const double fps = rate(sync.arrived), valid = capture.record.signal.depth_share.value_or(0);
-  Finding out{.check = "depth",
-              .found = format("%.4g frames/s", fps),
-              .facts = {{"frames_per_s", fps},
-                        {"nominal_frames_per_s", static_cast<double>(config.depth.fps)},
-                        {"lost_frames", static_cast<double>(sync.lost)},
-                        {"valid_share", valid}}};
-  if (config.depth.fps > 0) {
-    out.found += format(", expected %" PRIu32, config.depth.fps);
-    check_rate(out, sync.arrived, config.depth.fps);
-  }
-  out.found += format(", %" PRIu64 " lost", sync.lost);
+  const double valid = capture.record.signal.depth_share.value_or(0);
+  Finding out = frame_finding("depth", sync.lost, sync.arrived, config.nominal_hz()[Sensor::depth]);
+  out.facts.emplace_back("valid_share", valid);
   if (!capture.record.has(Sensor::depth)) {
     mark(out, Grade::problem, "no frame of the expected size received");
     return out;
   }
-  out.found += format("; %" PRIu32 " x %" PRIu32 " pixels, %.0f %% of them valid", capture.width,
-                      capture.height, 100 * valid);
+  out.found += format("; %" PRIu32 " x %" PRIu32 " pixels, %.0f %% of them valid",
+                      find_axis(capture.axes, "depth_x")->count,
+                      find_axis(capture.axes, "depth_y")->count, 100 * valid);
   if (sync.lost > 0)
     mark(out, Grade::warning, "the USB port or this machine is too slow for the camera");
   if (valid < config.signal.depth_share)
@@ -221,25 +196,22 @@ Finding depth_finding(const Capture& capture, const Config& config) {
 
 double estimate_record_bytes(const Capture& capture, const Config& config) {
   constexpr std::uint32_t usual_width = 640, usual_height = 480;
+  std::vector<Axis> axes = capture.axes;
+  const auto expect = [&](const Axis& axis) {
+    if (!find_axis(axes, axis.name)) axes.push_back(axis);
+  };
   const SensorSet sensors = config.configured();
-  double bytes = 0;
-  if (sensors.contains(Sensor::spd))
-    bytes += 4.0 * static_cast<double>(capture.record.spd.empty() ? config.histogram.bins
-                                                                  : capture.record.spd.size());
-  if (sensors.contains(Sensor::radar) && !config.radar.address.empty()) {
-    bytes += 4.0 * static_cast<double>(capture.record.radar.size());
-  } else if (sensors.contains(Sensor::radar)) {
+  if (sensors.contains(Sensor::spd)) expect(tdc::Histogram(config.histogram).axis());
+  if (sensors.contains(Sensor::radar) && config.radar.address.empty()) {
     const radar::RadarProfile cfg = parse_profile(config.radar);
-    bytes += 4.0 * cfg.bins;
-    if (!cfg.array.empty())
-      bytes += record::array_bytes(record::array_axis(radar_axis(cfg), cfg.array.size()));
+    expect(radar_axis(cfg));
+    if (!cfg.array.empty()) expect(record::array_axis(radar_axis(cfg), cfg.array.size()));
   }
-  if (!sensors.contains(Sensor::depth)) return bytes;
-  if (const auto& depth_mm = capture.record.depth_mm; !depth_mm.empty())
-    return bytes +
-           static_cast<double>(record::deflated(as_bytes(depth_mm), record::depth_level).size());
-  return bytes + 2.0 * (config.depth.width ? config.depth.width : usual_width) *
-                     (config.depth.height ? config.depth.height : usual_height);
+  if (sensors.contains(Sensor::depth)) {
+    expect(tangent_axis("depth_x", config.depth.width ? config.depth.width : usual_width, 0, 1));
+    expect(tangent_axis("depth_y", config.depth.height ? config.depth.height : usual_height, 0, 1));
+  }
+  return record::record_bytes(axes, capture.record);
 }
 
 }  // namespace echofuse::acquire

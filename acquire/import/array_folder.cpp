@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <limits>
+#include <numeric>
 
 #include "acquire/measurement/radar_array.hpp"
 #include "acquire/record/fused_record.hpp"
@@ -20,8 +21,6 @@ namespace fs = std::filesystem;
 
 // Maximum number of values in a histogram or range profile, and of pixels in a depth image.
 constexpr std::size_t max_points = 1u << 24, max_pixels = 1u << 23;
-// Limits of the largest value in a range profile.
-constexpr double min_power = 1e-30, max_power = 1e30;
 
 // Returns the smallest factor up to 1000 by which all counts become whole numbers, or 0 if there is
 // no such factor. If the counts are means of f exposures, the factor is f.
@@ -116,7 +115,7 @@ ArrayFolder::ArrayFolder(const std::string& folder, const ArraySettings& setting
         reported_.push_back(std::string(name_of(sensor)) + ": " + text);
       }) {
   const bool of_run = !settings_.run.empty();
-  spd_ = open("spd.npy", 2), radar_ = open("radar.npy", 2), depth_ = open("depth.npy", 3);
+  spd_ = open("spd.npy", 2, 3), radar_ = open("radar.npy", 2), depth_ = open("depth.npy", 3);
   array_ = open("array.npy", 3), index_ = open("index.npy", 1), valid_ = open("valid.npy", 1);
   const auto config_error = [&](const std::string& what) {
     throw Error(ExitCode::config, printable(folder) + "/run.toml: " + what);
@@ -128,7 +127,7 @@ ArrayFolder::ArrayFolder(const std::string& folder, const ArraySettings& setting
   if (rows_ == 0)
     throw Error(ExitCode::failed,
                 printable(first_ ? *first_ : folder) + ": has no rows; nothing to import");
-  if (of_run ? static_cast<bool>(depth_ || array_) : static_cast<bool>(index_ || valid_))
+  if (of_run ? depth_ || array_ : index_ || valid_)
     config_error(of_run ? "depth.npy and array.npy cannot be combined with `run`"
                         : "index.npy and valid.npy need `run`");
   if (!settings_.labels.empty() && settings_.labels.size() != rows_)
@@ -151,16 +150,16 @@ ArrayFolder::ArrayFolder(const std::string& folder, const ArraySettings& setting
         settings_.depth_unit.empty() ? depth_->is_integer() : settings_.depth_unit == "mm";
 }
 
-std::unique_ptr<NpyFile> ArrayFolder::open(const char* name, std::size_t dimensions) {
+std::unique_ptr<NpyFile> ArrayFolder::open(const char* name, std::size_t dimensions,
+                                           std::size_t most) {
   const std::string path = (fs::path(folder_) / name).string();
   if (!fs::exists(path)) return nullptr;
   auto file = std::make_unique<NpyFile>(path);
-  const bool zones = std::string(name) == "spd.npy";
   const std::size_t found = file->shape().size();
-  if ((found != dimensions && !(zones && found == 3)) || file->row_size() == 0)
+  if (found < dimensions || found > std::max(dimensions, most) || file->row_size() == 0)
     refuse(*file, "its shape is " + file->shape_text() + "; expected " +
                       std::to_string(dimensions) + " dimensions, one row per record" +
-                      (zones ? ", or 3: [records, zones, bins]" : ""));
+                      (most > 0 ? ", or 3: [records, zones, bins]" : ""));
   const std::size_t max_size = std::string(name) == "depth.npy" ? max_pixels : max_points;
   if (file->row_size() > max_size)
     refuse(*file, "has " + std::to_string(file->row_size()) +
@@ -174,25 +173,28 @@ std::unique_ptr<NpyFile> ArrayFolder::open(const char* name, std::size_t dimensi
 }
 
 Zones ArrayFolder::stated_zones() const {
-  const std::size_t histograms = spd_ && spd_->shape().size() == 3 ? spd_->shape()[1] : 1;
-  if (histograms > max_zones)
-    refuse(*spd_, "has " + std::to_string(histograms) + " zones; expected at most " +
+  const std::size_t found = spd_ && spd_->shape().size() == 3 ? spd_->shape()[1] : 1;
+  if (found > max_zones)
+    refuse(*spd_, "has " + std::to_string(found) + " zones; expected at most " +
                       std::to_string(max_zones));
   Zones out;
   for (const std::string& text : settings_.zones)
     out.push_back(zone_of(text, folder_ + "/run.toml"));
-  if (out.empty()) return Zones(histograms);
-  if (!spd_ || out.size() != histograms)
+  if (!out.empty() && (!spd_ || out.size() != found))
     throw Error(ExitCode::config,
                 printable(folder_) + "/run.toml: spd.zones has " + std::to_string(out.size()) +
                     " zones; expected " +
-                    (spd_ ? std::to_string(histograms) + ", as in spd.npy " + spd_->shape_text()
+                    (spd_ ? std::to_string(found) + ", as in spd.npy " + spd_->shape_text()
                           : "spd.npy [n, zones, bins]"));
-  return out;
+  return out.empty() ? Zones(found) : out;
 }
 
 void ArrayFolder::refuse(const NpyFile& file, const std::string& what) const {
   throw Error(ExitCode::failed, printable(file.path()) + ": " + what);
+}
+
+void ArrayFolder::refuse_row(const NpyFile& file, const std::string& what) const {
+  refuse(file, "row " + std::to_string(row_) + " has " + what);
 }
 
 std::vector<Axis> ArrayFolder::axes() const {
@@ -203,8 +205,8 @@ std::vector<Axis> ArrayFolder::axes() const {
   };
   const ArraySettings& s = settings_;
   if (spd_)
-    out.push_back({"spd", "counts", "ps", count(*spd_, spd_->shape().size() - 1), s.first_bin_ps,
-                   s.bin_width_ps, 1, zones_});
+    out.push_back(
+        spd_axis(count(*spd_, spd_->shape().size() - 1), s.first_bin_ps, s.bin_width_ps, zones_));
   if (depth_) {
     const auto height = count(*depth_, 1), width = count(*depth_, 2);
     const double up = s.half_tangent * height / width;
@@ -219,7 +221,7 @@ std::vector<Axis> ArrayFolder::axes() const {
     for (const Axis& axis : grid.axes()) out.push_back(axis);
   }
   if (radar_) {
-    out.push_back({"radar", "power", "m", count(*radar_, 1), s.first_m, s.step_m, 1});
+    out.push_back(range_axis("power", count(*radar_, 1), s.first_m, s.step_m));
     if (array_) out.push_back(record::array_axis(out.back(), antennas_.size()));
   }
   return out;
@@ -227,9 +229,9 @@ std::vector<Axis> ArrayFolder::axes() const {
 
 void ArrayFolder::require_shapes(const std::vector<Axis>& axes) const {
   for (const auto& [file, name] : {std::pair{spd_.get(), "spd"}, {radar_.get(), "radar"}}) {
-    const auto axis = std::ranges::find(axes, name, &Axis::name);
-    const std::size_t values = axis == axes.end() ? 0 : axis->values();
-    if (file == spd_.get() && file && axis != axes.end() && axis->zones.size() != zones_.size())
+    const Axis* const axis = find_axis(axes, name);
+    const std::size_t values = axis ? axis->values() : 0;
+    if (file && file == spd_.get() && axis && axis->zones.size() != zones_.size())
       refuse(*file, "its shape is " + file->shape_text() + "; the source run has " +
                         std::to_string(axis->zones.size()) + " zones");
     if (file && file->row_size() != values)
@@ -250,8 +252,8 @@ std::uint64_t ArrayFolder::next_integer(NpyFile& file, double maximum) const {
   const double value = file.next_row().at(0);
   if (value >= 0 && value <= maximum && value == std::floor(value))
     return static_cast<std::uint64_t>(value);
-  refuse(file, "row " + std::to_string(row_) + " has " + std::to_string(value) +
-                   "; expected a whole number from 0 to " + std::to_string(std::llround(maximum)));
+  refuse_row(file, std::to_string(value) + "; expected a whole number from 0 to " +
+                       std::to_string(std::llround(maximum)));
 }
 
 void ArrayFolder::take_row(record::FusedRecord& r) {
@@ -282,51 +284,45 @@ std::vector<double> ArrayFolder::read(NpyFile& file, double minimum, const char*
   std::vector<double> values = file.next_row();
   if (std::ranges::all_of(values, [](double v) { return std::isnan(v); })) return {};
   const auto bad =
-      std::ranges::find_if(values, [&](double v) { return !(v >= minimum && v < max_power); });
+      std::ranges::find_if(values, [&](double v) { return !(v >= minimum && is_power(v)); });
   if (bad != values.end())
-    refuse(file, "row " + std::to_string(row_) + " has " + format("%g", *bad) + "; expected " +
-                     what + ", or NaN in the whole row for a missing sensor");
+    refuse_row(file, format("%g", *bad) + "; expected " + what +
+                         ", or NaN in the whole row for a missing sensor");
   // Smaller numbers lose digits when they are stored as floats.
   const double largest =
       std::abs(*std::ranges::max_element(values, {}, [](double v) { return std::abs(v); }));
-  if (largest > 0 && largest < min_power)
-    refuse(file,
-           "row " + std::to_string(row_) +
-               format(" has at most %g; expected values from ", largest) +
-               format("%g to %g; multiply all rows by the same factor", min_power, max_power));
+  if (largest > 0 && largest < min_radar_power)
+    refuse_row(file, format("at most %g; expected values from %g to %g; multiply all rows by the "
+                            "same factor",
+                            largest, min_radar_power, double{max_radar_power}));
   return values;
 }
 
-namespace {
-
-// Resets the verdict on replaced data. Losses stay, because they cannot be assessed again.
-void reassess(record::FusedRecord& r, Sensor sensor) {
+// Marks the sensor as valid. A record that comes from a source run keeps its times, and the verdict
+// on data that are not `replaced`. Losses stay, because they cannot be assessed again.
+void ArrayFolder::mark(record::FusedRecord& r, Sensor sensor, std::uint64_t used,
+                       bool replaced) const {
   record::Verdict& verdict = r.sync[sensor].verdict;
-  if (verdict.kind != record::VerdictKind::lossy) verdict = record::ok_verdict;
-}
-
-}  // namespace
-
-// Marks the sensor as valid. A record that comes from a source run keeps its verdict and times.
-void ArrayFolder::mark(record::FusedRecord& r, Sensor sensor, std::uint64_t used) const {
-  if (!settings_.run.empty()) return;
-  r.valid.insert(sensor);
-  r.sync[sensor] = {0, settings_.window_s, used, 0, record::ok_verdict, used};
+  if (settings_.run.empty()) {
+    r.valid.insert(sensor);
+    r.sync[sensor] = {0, settings_.window_s, used, 0, record::ok_verdict, used};
+  } else if (replaced && verdict.kind != record::VerdictKind::lossy) {
+    verdict = record::ok_verdict;
+  }
 }
 
 void ArrayFolder::put_counts(record::FusedRecord& r) {
   const std::vector<double> values = read(
       *spd_, 0, "counts of 0 or more (if the background was subtracted, add it to all bins again)");
   if (values.empty()) return;
-  const std::string row = "row " + std::to_string(row_);
   if (std::ranges::max(values) > std::numeric_limits<std::uint32_t>::max())
-    refuse(*spd_, row + " has a count that exceeds 32 bits");
+    refuse_row(*spd_, "a count that exceeds 32 bits");
   const std::uint32_t factor = spd_->is_integer() ? 1 : factor_of(values);
   if (factor != 1)
-    refuse(*spd_, row + " has non-integer counts; expected photons per bin: " +
-                      (factor > 1 ? "multiply by " + std::to_string(factor) +
-                                        " if each row is the mean over that number of exposures"
-                                  : "multiply a normalised histogram by its photon number"));
+    refuse_row(*spd_, "non-integer counts; expected photons per bin: " +
+                          (factor > 1 ? "multiply by " + std::to_string(factor) +
+                                            " if each row is the mean over that number of exposures"
+                                      : "multiply a normalised histogram by its photon number"));
   std::vector<std::uint32_t> counts;
   for (const double v : values) counts.push_back(static_cast<std::uint32_t>(std::llround(v)));
   if (settings_.run.empty() && !samples_.take(counts, settings_.window_s)) {
@@ -336,20 +332,16 @@ void ArrayFolder::put_counts(record::FusedRecord& r) {
   }
   if (counts == r.spd) return;
   r.spd = std::move(counts);
-  r.spd_counts.in_range = 0;
-  for (const std::uint32_t n : r.spd) r.spd_counts.in_range += n;
-  if (!settings_.run.empty()) {
-    r.sync[Sensor::spd].used = r.spd_counts.in_range, reassess(r, Sensor::spd);
-    return;
-  }
-  r.spd_counts.tags = r.spd_counts.in_range;
-  mark(r, Sensor::spd, r.spd_counts.in_range);
+  const std::uint64_t all = std::accumulate(r.spd.begin(), r.spd.end(), std::uint64_t{0});
+  r.spd_counts.in_range = r.sync[Sensor::spd].used = all;
+  if (settings_.run.empty()) r.spd_counts.tags = all;
+  mark(r, Sensor::spd, all, true);
 }
 
 void ArrayFolder::put_power(record::FusedRecord& r) {
-  const std::vector<double> values = read(*radar_, -max_power, "power below 1e30");
+  const std::vector<double> values = read(*radar_, -max_radar_power, "power below 1e38");
   const std::vector<double> array =
-      array_ ? read(*array_, -max_power, "numbers below 1e30") : std::vector<double>{};
+      array_ ? read(*array_, -max_radar_power, "numbers below 1e38") : std::vector<double>{};
   if (values.empty()) return;
   RadarFrame frame;
   frame.power.assign(values.begin(), values.end());
@@ -359,17 +351,15 @@ void ArrayFolder::put_power(record::FusedRecord& r) {
       r.sync[Sensor::radar].verdict.kind = record::VerdictKind::no_profile;
       return;
     }
-  } else if (frame.power != r.radar) {
-    reassess(r, Sensor::radar);
   }
+  const bool replaced = frame.power != r.radar;
   r.radar = std::move(frame.power);
-  mark(r, Sensor::radar, 1);
+  mark(r, Sensor::radar, 1, replaced);
   if (array.empty()) return;
   for (std::size_t i = 0; i < array.size(); ++i)
     if (const auto at = i % record::values_of_bin(antennas_.size());
         at >= 2 * antennas_.size() && at < 3 * antennas_.size() && array[i] < 0)
-      refuse(*array_, "row " + std::to_string(row_) + " has the antenna power " +
-                          format("%g", array[i]) + "; expected powers of 0 or more");
+      refuse_row(*array_, format("the antenna power %g; expected powers of 0 or more", array[i]));
   r.array.assign(array.begin(), array.end());
   r.array_frames = static_cast<std::uint64_t>(settings_.array_frames);
 }
@@ -379,7 +369,7 @@ void ArrayFolder::put_depth(record::FusedRecord& r) {
   if (std::ranges::all_of(values, [](double v) { return std::isnan(v); })) return;
   ++maps_;
   const std::string odd = take_depth(r, values);
-  if (odd.empty()) return mark(r, Sensor::depth, 1);
+  if (odd.empty()) return mark(r, Sensor::depth, 1, true);
   r.depth_mm.clear();
   r.sync[Sensor::depth].verdict = {record::VerdictKind::odd, odd};
   if (odd_maps_++ == 0)

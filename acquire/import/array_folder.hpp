@@ -59,16 +59,18 @@ class ArrayFolder {
   std::vector<std::string> doubts();
 
  private:
-  std::unique_ptr<NpyFile> open(const char* name, std::size_t dimensions);
+  // The array has `dimensions` dimensions, or up to `most` if that is more.
+  std::unique_ptr<NpyFile> open(const char* name, std::size_t dimensions, std::size_t most = 0);
   Zones stated_zones() const;
   [[noreturn]] void refuse(const NpyFile& file, const std::string& what) const;
+  [[noreturn]] void refuse_row(const NpyFile& file, const std::string& what) const;
   std::vector<double> read(NpyFile& file, double minimum, const char* what) const;
   std::uint64_t next_integer(NpyFile& file, double maximum) const;
   void put_counts(record::FusedRecord& r);
   void put_power(record::FusedRecord& r);
   void put_depth(record::FusedRecord& r);
   std::string take_depth(record::FusedRecord& r, const std::vector<double>& values) const;
-  void mark(record::FusedRecord& r, Sensor sensor, std::uint64_t used) const;
+  void mark(record::FusedRecord& r, Sensor sensor, std::uint64_t used, bool replaced) const;
 
   std::string folder_;
   ArraySettings settings_;

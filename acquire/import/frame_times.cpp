@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <optional>
 #include <set>
 #include <utility>
@@ -81,7 +82,7 @@ class Fit {
     for (std::size_t i = 0; i < frames_.size(); ++i) {
       const FrameHeader& f = frames_[i];
       const FrameHeader* last = entries_.empty() ? nullptr : &entries_.back().header;
-      const bool repeats = last && f.position == last->position && f.cycles == last->cycles;
+      const bool repeats = last && f == *last;
       const bool confirmed =
           last && (i + 1 == frames_.size() || frames_[i + 1].position <= last->position);
       const bool back = last && f.position < last->position && f.position <= first && confirmed;
@@ -168,15 +169,15 @@ class Fit {
   void find_chains() {
     link_entries();
     std::vector<Chain> found;
-    std::vector<std::size_t> best(entries_.size());  // last entry of the longest chain, by first
+    std::map<std::size_t, std::size_t> best;  // last entry of the best chain, by the first one
+    const auto quality = [&](std::size_t i) {
+      return std::pair(entries_[i].score, -entries_[i].deviation_s);
+    };
     for (std::size_t i = 0; i < entries_.size(); ++i)
-      if (std::size_t& last = best[entries_[i].first];
-          entries_[i].first == i ||
-          std::pair(entries_[i].score, -entries_[i].deviation_s) >
-              std::pair(entries_[last].score, -entries_[last].deviation_s))
+      if (auto& [first, last] = *best.try_emplace(entries_[i].first, i).first;
+          quality(i) > quality(last))
         last = i;
-    for (std::size_t i = 0; i < entries_.size(); ++i)
-      if (entries_[i].first == i) found.push_back({i, best[i], entries_[best[i]].length});
+    for (const auto& [first, last] : best) found.push_back({first, last, entries_[last].length});
     std::ranges::stable_sort(found, std::ranges::greater(), &Chain::frames);
     chains_.clear();
     for (const Chain& chain : found) {
@@ -338,6 +339,31 @@ void Irregularity::add(const std::string& place) {
   constexpr std::uint64_t max_places = 5;
   if (++count <= max_places + 1)
     places += (count == 1 ? "" : ", ") + (count <= max_places ? place : "...");
+}
+
+std::vector<std::string> FrameTimes::doubts() const {
+  std::vector<std::string> out;
+  const auto add = [&](const Irregularity& oddity, const std::string& what,
+                       const std::string& then) {
+    if (oddity.count > 0)
+      out.push_back(std::to_string(oddity.count) + what + " (" + oddity.places + ")" + then);
+  };
+  add(restarts, " restarts of the board", ": the gaps have unknown length and are omitted");
+  add(paused, " gaps in which the board's clock may have wrapped",
+      ": their lengths are ambiguous; the shortest possible ones are used");
+  if (unnumbered)
+    out.emplace_back(
+        "the frames have neither number nor time: their times are computed from their order; lost "
+        "frames cannot be detected");
+  else if (stopped.count > 0)
+    out.push_back("the board's clock stands still in " + std::to_string(stopped.count) +
+                  " frames (" + stopped.places +
+                  "): their times are computed from the frame numbers");
+  add(times, " frames have impossible times", ": their times are computed from the frame numbers");
+  add(numbers, " frames have impossible numbers",
+      ": their times are computed from the clock or the neighbouring frames");
+  if (copies > 0) out.push_back(std::to_string(copies) + " duplicate frames were omitted");
+  return out;
 }
 
 FrameTimes fit_times(const std::vector<FrameHeader>& frames, std::uint32_t subframes,

@@ -25,6 +25,7 @@ namespace echofuse::acquire {
 struct FrameHeader {
   // `position` is the number of the subframe, counted from the start of frame 0.
   std::uint32_t position, number, cycles;
+  bool operator==(const FrameHeader&) const = default;
 };
 
 struct Irregularity {
@@ -43,6 +44,8 @@ struct FrameTimes {
   std::uint64_t copies = 0;
   double period_s = 0;      // measured time between positions; 0: not measured
   bool unnumbered = false;  // true: all frames have the same number and clock reading
+
+  std::vector<std::string> doubts() const;  // warnings about damaged or missing frames
 };
 
 // `period_s` is the cfg's time between positions. A frame has `subframes` positions.

@@ -4,12 +4,11 @@
 #include <algorithm>
 #include <cctype>
 #include <cmath>
-#include <cstdio>
-#include <cstdlib>
 #include <cstring>
 #include <ctime>
 #include <filesystem>
 #include <memory>
+#include <regex>
 #include <utility>
 
 #include "acquire/import/imported_run.hpp"
@@ -149,35 +148,26 @@ std::string import_streams(const Config& config, const ImportOptions& options,
 }  // namespace
 
 UtcTime parse_utc(const std::string& text) {
-  const Error refused(ExitCode::usage, printable(text) + ": expected a time such as " +
-                                           "2024-02-07T12:34:56Z or 2024-02-07T13:34:56+01:00");
+  static const std::regex pattern(R"((\d{4})-(\d{1,2})-(\d{1,2}))"
+                                  R"((?:[T ](\d{1,2}):(\d{1,2}):(\d{1,2})(\.\d+)?)?)"
+                                  R"((?:Z|([+-])(\d\d):?(\d\d))?)");
+  std::smatch part;
+  const bool matches = std::regex_match(text, part, pattern);
+  const auto number = [&](std::size_t i) {
+    return matches && part[i].matched ? std::stoi(part[i]) : 0;
+  };
   std::tm tm{};
-  const char* rest = ::strptime(text.c_str(), "%Y-%m-%d", &tm);
-  const int day = tm.tm_mday;
-  if (rest && (*rest == 'T' || *rest == ' ')) rest = ::strptime(rest + 1, "%H:%M:%S", &tm);
-  if (!rest || tm.tm_year < 70 || tm.tm_year > 350) throw refused;
-  double fraction = 0;
-  if (*rest == '.') {
-    const std::size_t digits = std::strspn(rest + 1, "0123456789");
-    if (digits == 0) throw refused;
-    fraction = std::strtod(std::string(rest, digits + 1).c_str(), nullptr);
-    rest += digits + 1;
-  }
-  const std::time_t local_s = ::timegm(&tm);
-  std::chrono::minutes east{};
-  if (*rest == '+' || *rest == '-') {
-    int hours = 0, minutes = 0, read = 0;
-    const char* const pattern = std::strchr(rest, ':') ? "%2d:%2d%n" : "%2d%2d%n";
-    if (std::sscanf(rest + 1, pattern, &hours, &minutes, &read) < 2 || hours < 0 || hours > 14 ||
-        minutes < 0 || minutes > 59)
-      throw refused;
-    east = (*rest == '-' ? -1 : 1) * (std::chrono::hours(hours) + std::chrono::minutes(minutes));
-    rest += 1 + read;
-  } else if (*rest == 'Z') {
-    ++rest;
-  }
-  if (*rest != '\0' || tm.tm_mday != day) throw refused;  // also rejects dates such as 30 February
-  return std::chrono::seconds(local_s) - east + from_seconds(fraction);
+  tm.tm_year = number(1) - 1900, tm.tm_mon = number(2) - 1, tm.tm_mday = number(3);
+  tm.tm_hour = number(4), tm.tm_min = number(5), tm.tm_sec = number(6);
+  const std::time_t local_s = ::timegm(&tm);  // changes the day if the date does not exist
+  if (tm.tm_year < 70 || tm.tm_year > 350 || tm.tm_mday != number(3) || number(2) > 12 ||
+      number(4) > 23 || number(5) > 59 || number(6) > 60 || number(9) > 14 || number(10) > 59)
+    throw Error(ExitCode::usage, printable(text) + ": expected a time such as " +
+                                     "2024-02-07T12:34:56Z or 2024-02-07T13:34:56+01:00");
+  const auto east = (part[8] == "-" ? -1 : 1) *
+                    (std::chrono::hours(number(9)) + std::chrono::minutes(number(10)));
+  return std::chrono::seconds(local_s) - east +
+         from_seconds(part[7].matched ? std::stod(part[7]) : 0);
 }
 
 namespace {

@@ -6,7 +6,6 @@
 #include <limits>
 #include <utility>
 
-#include "acquire/import/tagged_file.hpp"
 #include "acquire/intake/tag_check.hpp"
 #include "drivers/core/bytes.hpp"
 #include "drivers/util/format.hpp"
@@ -26,15 +25,6 @@ constexpr double rate_share = 0.05;  // tolerated relative difference between pu
 // Returns true if `a_s` exceeds `b_s` by more than the tolerated difference between two clocks, 1 %
 // + 0.1 s.
 bool later(long double a_s, long double b_s) { return a_s > 1.01L * b_s + 0.1L; }
-
-DeviceInfo device_of(const TaggedFile& file) {
-  return {.sensor = Sensor::spd,
-          .address = file.path(),
-          .model = file.text("HW_Type"),
-          .serial = file.text("HW_SerialNo"),
-          .firmware = file.text("HW_FirmwareVersion"),
-          .axes = {}};
-}
 
 std::string number_text(long double value) { return format("%.5Lg", value); }
 
@@ -119,54 +109,55 @@ bool PicoquantRecords::put(std::int32_t channel, std::uint64_t unit, std::uint64
   return true;
 }
 
-struct PicoquantTags::File : TaggedFile {
-  using TaggedFile::TaggedFile;
-};
-
 PicoquantTags::PicoquantTags(const std::string& path, const tdc::HistogramSettings& use)
-    : file_(std::make_unique<File>(path)),
+    : file_(path),
       records_([&] {
         try {
           return PicoquantRecords(
-              static_cast<std::uint32_t>(file_->whole("TTResultFormat_TTTRRecType", 0, all)),
-              file_->require("MeasDesc_GlobalResolution"),
-              file_->number("MeasDesc_Resolution").value_or(0),
-              file_->number("MeasDesc_Offset").value_or(0));
+              static_cast<std::uint32_t>(file_.whole("TTResultFormat_TTTRRecType", 0, all)),
+              file_.require("MeasDesc_GlobalResolution"),
+              file_.number("MeasDesc_Resolution").value_or(0),
+              file_.number("MeasDesc_Offset").value_or(0));
         } catch (const Error& e) {
           throw Error(e.code(), printable(path) + ": " + e.what());
         }
       }()),
       use_(use) {
   constexpr double t2 = 2, t3 = 3;
-  const double mode = file_->number("Measurement_Mode").value_or(0);
+  const double mode = file_.number("Measurement_Mode").value_or(0);
   if (mode == (records_.is_t3() ? t2 : t3))
     throw Error(ExitCode::failed, printable(path) +
                                       ": contradictory header: Measurement_Mode is T" +
                                       number_text(mode) + ", but TTResultFormat_TTTRRecType is T" +
                                       number_text(records_.is_t3() ? t3 : t2));
   const auto length_s = [&](const char* name) {
-    return std::clamp(file_->number(name).value_or(0) / 1e3, 0.0, 1e9);
+    return std::clamp(file_.number(name).value_or(0) / 1e3, 0.0, 1e9);
   };
   stopped_s_ = length_s("TTResult_StopAfter");
   header_s_ = std::max(stopped_s_, length_s("MeasDesc_AcquisitionTime"));
 }
 
-PicoquantTags::~PicoquantTags() = default;
+DeviceInfo PicoquantTags::device() const {
+  return {.sensor = Sensor::spd,
+          .address = file_.path(),
+          .model = file_.text("HW_Type"),
+          .serial = file_.text("HW_SerialNo"),
+          .firmware = file_.text("HW_FirmwareVersion"),
+          .axes = {}};
+}
 
-DeviceInfo PicoquantTags::device() const { return device_of(*file_); }
+std::optional<UtcTime> PicoquantTags::began() const { return file_.time("File_CreatingTime"); }
 
-std::optional<UtcTime> PicoquantTags::began() const { return file_->time("File_CreatingTime"); }
-
-bool PicoquantTags::has_ambiguous_start() const { return file_->is_repeated("File_CreatingTime"); }
+bool PicoquantTags::has_ambiguous_start() const { return file_.is_repeated("File_CreatingTime"); }
 
 // Appends the tags of the next record. Returns false at the end of the data.
 bool PicoquantTags::read_record() {
   if (in_chunk_ == chunk_.size()) {
     chunk_.resize(chunk_records);
     auto* const begin = reinterpret_cast<std::uint8_t*>(chunk_.data());
-    const std::size_t bytes = file_->file().read({begin, chunk_records * sizeof chunk_[0]});
+    const std::size_t bytes = file_.file().read({begin, chunk_records * sizeof chunk_[0]});
     if (count_ == 0 && has_added_returns({begin, bytes}))
-      throw Error(ExitCode::failed, printable(file_->path()) + ": " + added_returns);
+      throw Error(ExitCode::failed, printable(file_.path()) + ": " + added_returns);
     bytes_cut_ += bytes % sizeof chunk_[0];
     chunk_.resize(bytes / sizeof chunk_[0]);
     in_chunk_ = 0;
@@ -245,10 +236,10 @@ std::string PicoquantTags::missing_input() const {
 
 // Returns a warning if the pulse rate in the header contradicts the time resolution or the records.
 std::vector<std::string> PicoquantTags::rate_doubts() const {
-  const double rate_hz = file_->number("TTResult_SyncRate").value_or(0);
+  const double rate_hz = file_.number("TTResult_SyncRate").value_or(0);
   if (rate_hz <= 0) return {};
   const auto unit_s = static_cast<double>(records_.unit_ps() / ps_per_s);
-  const double divider = std::max(1.0, file_->number("HWSync_Divider").value_or(1));
+  const double divider = std::max(1.0, file_.number("HWSync_Divider").value_or(1));
   const double share = rate_hz * unit_s;  // time step in pulse periods; 1 in T3 mode
   const auto similar = [&](double value, double expected) {
     return std::abs(value / expected - 1) <= rate_share;
@@ -291,13 +282,13 @@ std::vector<std::string> PicoquantTags::doubts() const {
                   number_text(records_.unit_ps() / ps_per_s) + " s; check MeasDesc_Resolution");
   if (const std::string text = comb_text(records_.step_ps(), use_.bin_width_ps); !text.empty())
     out.push_back(text);
-  const double stated = file_->number("TTResult_NumberOfRecords").value_or(0);
+  const double stated = file_.number("TTResult_NumberOfRecords").value_or(0);
   if (stated > 0 && stated != static_cast<double>(count_))
     out.push_back("the header specifies " + std::to_string(std::llround(stated)) +
                   " records, but the file contains " + std::to_string(count_));
   if (bytes_cut_ > 0) out.push_back("the last record is truncated");
   if (beyond_) out.push_back("the time exceeds 106 days: the remaining records are omitted");
-  const double divider = file_->number("HWSync_Divider").value_or(1);
+  const double divider = file_.number("HWSync_Divider").value_or(1);
   if (divider > 1 && !records_.is_t3())
     out.push_back("sync divider " + std::to_string(std::llround(divider)) +
                   ": the file contains only the corresponding fraction of the laser pulses");

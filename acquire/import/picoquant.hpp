@@ -18,13 +18,12 @@
 #include <algorithm>
 #include <array>
 #include <cstdint>
-#include <memory>
 #include <optional>
-#include <span>
 #include <string>
 #include <vector>
 
 #include "acquire/import/recording.hpp"
+#include "acquire/import/tagged_file.hpp"
 #include "drivers/tdc/histogram.hpp"
 
 namespace echofuse::acquire {
@@ -71,7 +70,6 @@ class PicoquantRecords {
 class PicoquantTags final : public Recording {
  public:
   PicoquantTags(const std::string& path, const tdc::HistogramSettings& use);
-  ~PicoquantTags() override;
   DeviceInfo device() const override;
   bool next(SampleSink& sink) override;
   HostTime at() const override { return at_; }
@@ -83,12 +81,11 @@ class PicoquantTags final : public Recording {
   bool has_ambiguous_start() const;
 
  private:
-  struct File;
   bool read_record();
   long double end_ps() const { return std::max(last_ps_, records_.overflowed_ps()); }
   std::string missing_input() const;
   std::vector<std::string> rate_doubts() const;
-  std::unique_ptr<File> file_;
+  TaggedFile file_;
   PicoquantRecords records_;
   tdc::HistogramSettings use_;
   // Values from the header, in s; 0 if unknown: the time at which the measurement stopped, and the

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: MIT
 #include "acquire/import/radar_recording.hpp"
 
-#include <algorithm>
 #include <array>
 #include <cmath>
 #include <numeric>
 #include <utility>
 
+#include "acquire/intake/clock_fit.hpp"
 #include "drivers/util/format.hpp"
 
 namespace echofuse::acquire {
@@ -40,12 +40,7 @@ FrameTimes times_of(const std::string& path, const radar::RadarProfile& profile)
   while (const std::size_t count = file.read(chunk))
     parser.feed({chunk.data(), count}, HostTime{}, add);
   parser.finish(add);
-  // If all frames have the same number and time, the board states neither. They are no copies.
-  constexpr std::size_t enough = 8;
-  const auto same = [&](const FrameHeader& h) {
-    return h.position == headers[0].position && h.cycles == headers[0].cycles;
-  };
-  const bool unnumbered = headers.size() > enough && std::ranges::all_of(headers, same);
+  const bool unnumbered = lacks_numbers(headers);
   for (std::uint32_t i = 0; unnumbered && i < headers.size(); ++i) headers[i].position += i;
   FrameTimes times = fit_times(headers, profile.subframes, profile.frame_period_s);
   times.unnumbered = unnumbered;
@@ -118,10 +113,8 @@ std::vector<Counter> RadarRecording::counters() const {
 std::vector<std::string> RadarRecording::doubts() const {
   std::vector<std::string> out;
   const radar::FrameCounts& c = parser_.counts();
-  const auto add = [&](const Irregularity& oddity, const std::string& what,
-                       const std::string& then) {
-    if (oddity.count > 0)
-      out.push_back(std::to_string(oddity.count) + what + " (" + oddity.places + ")" + then);
+  const auto count = [&](std::uint64_t number, const std::string& what) {
+    if (number > 0) out.push_back(std::to_string(number) + what);
   };
   const std::uint64_t broken = c.truncated_frames + c.bad_headers + c.bad_tlvs;
   const std::string changed = radar::changed_bytes(beginning_);
@@ -135,37 +128,22 @@ std::vector<std::string> RadarRecording::doubts() const {
   else if (c.range_profiles < c.frames)
     out.push_back(std::to_string(c.frames - c.range_profiles) + " of " + std::to_string(c.frames) +
                   " frames have no range profile");
-  if (others_ > 0)
-    out.push_back(std::to_string(others_) + " frames have " + std::to_string(other_bins_) +
-                  " bins, but the number of bins in the cfg is " + std::to_string(profile_.bins) +
-                  (other_bins_ == profile_.bins + 4
-                       ? "; the TLV lengths include the TLV headers, as in SDK 1"
-                       : "; check that the recording was made with this cfg"));
-  if (bad_arrays_ > 0)
-    out.push_back(std::to_string(bad_arrays_) + " heat maps are unusable: " + array_fault_);
-  else if (!profile_.array.empty() && c.frames > 0 && c.arrays == 0)
+  count(others_, " frames have " + std::to_string(other_bins_) +
+                     " bins, but the number of bins in the cfg is " +
+                     std::to_string(profile_.bins) +
+                     (other_bins_ == profile_.bins + 4
+                          ? "; the TLV lengths include the TLV headers, as in SDK 1"
+                          : "; check that the recording was made with this cfg"));
+  count(bad_arrays_, " heat maps are unusable: " + array_fault_);
+  if (bad_arrays_ == 0 && !profile_.array.empty() && c.frames > 0 && c.arrays == 0)
     out.emplace_back("no frame has a heat map: the fifth number of guiMonitor was 0 on the board");
-  add(times_.restarts, " restarts of the board", ": the gaps have unknown length and are omitted");
-  add(times_.paused, " gaps in which the board's clock may have wrapped",
-      ": their lengths are ambiguous; the shortest possible ones are used");
-  if (times_.unnumbered)
-    out.emplace_back(
-        "the frames have neither number nor time: their times are computed from their order; lost "
-        "frames cannot be detected");
-  else if (const Irregularity& stopped = times_.stopped; stopped.count > 0)
-    out.push_back("the board's clock stands still in " + std::to_string(stopped.count) +
-                  " frames (" + stopped.places +
-                  "): their times are computed from the frame numbers");
-  add(times_.times, " frames have impossible times",
-      ": their times are computed from the frame numbers");
-  add(times_.numbers, " frames have impossible numbers",
-      ": their times are computed from the clock or the neighbouring frames");
-  if (times_.copies > 0)
-    out.push_back(std::to_string(times_.copies) + " duplicate frames were omitted");
-  if (lost_ > 0) out.push_back(std::to_string(lost_) + " frames are missing");
+  for (std::string& text : times_.doubts()) out.push_back(std::move(text));
+  count(lost_, " frames are missing");
   if (broken > 0 || c.junk_bytes > 0)
     out.push_back(std::to_string(broken) + " frames are damaged, " + std::to_string(c.junk_bytes) +
                   " bytes belong to no frame");
+  count(c.excess_tlvs,
+        " frames announce a TLV that they do not contain; their other data are used");
   const double expected_s = profile_.frame_period_s * profile_.subframes;
   const double period_s = times_.period_s > 0 ? profile_.subframes * times_.period_s : expected_s;
   if (std::abs(period_s - expected_s) > 0.05 * expected_s)

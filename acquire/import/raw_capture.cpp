@@ -113,6 +113,7 @@ class KeptPort final : public port::BytePort {
     wait(link_);
   }
   void write(ByteView) override {}
+  bool recorded() const override { return true; }
 
  private:
   // State that remains valid if the port is destroyed while a handler runs.

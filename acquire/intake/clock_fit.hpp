@@ -21,8 +21,10 @@
 //          those of previous samples. A single such sample has a damaged time and is not used.
 //   step   all samples within 3 s (at least 10 samples) are late by more than 0.1 s
 #pragma once
+#include <algorithm>
 #include <cstdint>
 #include <deque>
+#include <functional>
 #include <optional>
 
 #include "acquire/record/fused_record.hpp"
@@ -34,6 +36,15 @@ namespace echofuse::acquire {
 // If several numbers are possible, returns the one nearest to `expected`.
 std::int64_t ticks_passed(std::uint64_t from, std::uint64_t to, double expected,
                           unsigned spare_bits);
+
+// Returns true if the frames contain neither number nor time: at least eight frames, all equal.
+// Otherwise equal frames are copies.
+inline constexpr std::size_t unnumbered_frames = 8;
+template <class Frames>
+bool lacks_numbers(const Frames& frames) {
+  return frames.size() >= unnumbered_frames &&
+         std::ranges::adjacent_find(frames, std::ranges::not_equal_to()) == frames.end();
+}
 
 class ClockFit {
  public:

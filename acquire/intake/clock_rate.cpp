@@ -15,10 +15,6 @@ using namespace std::chrono_literals;
 constexpr auto interval = 2s;
 constexpr double tolerated = 0.1, like_before = 0.05;
 
-bool near(double value, double expected, double share) {
-  return std::abs(value - expected) <= share * expected;
-}
-
 }  // namespace
 
 std::string ClockRate::add(std::uint64_t ticks, HostTime received) {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include <cmath>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -7,6 +8,11 @@
 #include "drivers/core/clock.hpp"
 
 namespace echofuse::acquire {
+
+// Returns true if `value` differs from `expected` by at most this share of it.
+inline bool near(double value, double expected, double share) {
+  return std::abs(value - expected) <= share * expected;
+}
 
 // Compares the rate of a device clock with that of the host clock, in intervals of at least 2 s.
 class ClockRate {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // Second stage of the intake: returns one record with verdicts for each slot. The first stage is
-// stream.hpp.
+// acquire/devices/devices.hpp.
 #pragma once
 #include "acquire/config/config.hpp"
 #include "acquire/intake/signal_check.hpp"
@@ -10,7 +10,7 @@ namespace echofuse::acquire {
 
 class Intake {
  public:
-  // `window_s` is the duration of a slot. `clocks` belongs to the Stream that passes on the
+  // `window_s` is the duration of a slot. `clocks` belongs to the Devices that pass on the
   // samples; it must outlive this object.
   Intake(const Config& config, double window_s, const SensorClocks& clocks);
 

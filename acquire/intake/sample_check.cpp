@@ -39,8 +39,8 @@ std::string fault_of_depths(double median_mm) {
   return "its median is " + std::to_string(std::lround(median_mm)) + " mm; expected depths in ";
 }
 
-void SampleCheck::once(bool& reported, Sensor sensor, const std::string& text) {
-  if (!std::exchange(reported, true)) report_(sensor, text);
+void SampleCheck::once(const char* fault, Sensor sensor, const std::string& text) {
+  if (reported_.emplace(fault, sensor).second) report_(sensor, text);
 }
 
 bool SampleCheck::take(HistogramFrame& frame) {
@@ -58,7 +58,7 @@ bool SampleCheck::take(const std::vector<std::uint32_t>& counts, double exposure
   const auto highest = std::ranges::max_element(counts);
   if (highest != counts.end() && (*highest > record::max_clicks_per_s * exposure_s ||
                                   *highest == std::numeric_limits<std::uint32_t>::max())) {
-    once(impossible_reported_, Sensor::spd,
+    once("impossible", Sensor::spd,
          "bin " + std::to_string(highest - counts.begin()) + " contains " +
              std::to_string(*highest) + " counts in an exposure of " + digits(exposure_s) +
              " s, more than a detector can send; such exposures are dropped and counted as lost");
@@ -70,7 +70,7 @@ bool SampleCheck::take(const std::vector<std::uint32_t>& counts, double exposure
   last_counts_ = counts;
   rises_ = rises ? rises_ + 1 : 0;
   if (rises_ >= enough_exposures)
-    once(falls_reported_, Sensor::spd,
+    once("falls", Sensor::spd,
          "counts fall in no bin over ten exposures; is the histogram cleared after each exposure?");
   return true;
 }
@@ -80,7 +80,7 @@ bool SampleCheck::take(const std::vector<std::uint32_t>& counts, double exposure
 void SampleCheck::check_exposures(const HistogramFrame& frame) {
   const double exposure_s = 1e-6 * frame.exposure_us;
   if (exposure_s > window_s_)
-    once(long_reported_, Sensor::spd,
+    once("long", Sensor::spd,
          "exposures of " + digits(exposure_s) + " s do not fit slots of " + digits(window_s_) +
              " s; use shorter exposures or longer slots (run.window_s)");
   if (!first_ || frame.device_time_us < first_->device_time_us) {
@@ -94,7 +94,7 @@ void SampleCheck::check_exposures(const HistogramFrame& frame) {
   if (exposures_ < enough_exposures || passed_s < enough_s) return;
   const double times = 1e-6 * static_cast<double>(exposed_us_) / passed_s;
   if (times > overlap)
-    once(overlap_reported_, Sensor::spd,
+    once("overlap", Sensor::spd,
          "exposures add up to " + digits(std::round(10 * times) / 10) +
              " times the time between them: are they sliding windows, or is the histogram not "
              "cleared?");
@@ -106,7 +106,7 @@ void SampleCheck::take(RadarFrame& frame) {
   if (frame.power.empty()) return;
   if (std::ranges::all_of(frame.power, [](float p) { return p == 0; })) {
     frame.power.clear(), frame.array.clear();
-    return once(zeros_reported_, Sensor::radar,
+    return once("zeros", Sensor::radar,
                 "all bins of a range profile are zero; such profiles are not used");
   }
   if (profiles_ == enough_profiles) return;
@@ -116,7 +116,7 @@ void SampleCheck::take(RadarFrame& frame) {
 
 void SampleCheck::finish() {
   if (2 * like_db_ > profiles_)
-    once(db_reported_, Sensor::radar,
+    once("db", Sensor::radar,
          "profiles have negative values or a max/min ratio below 6: are they in dB? Expected "
          "linear power, 10^(dB/10)");
 }
@@ -124,7 +124,7 @@ void SampleCheck::finish() {
 // Reports the rate of the device clock. ClockFit then uses receipt times.
 void SampleCheck::check_clock(Sensor sensor, std::uint64_t ticks, HostTime received) {
   if (const std::string rate = clocks_[sensor].add(ticks, received); !rate.empty())
-    once(clock_reported_[sensor], sensor,
+    once("clock", sensor,
          "the device clock " + rate +
              "; check that its times are in us. Receipt times are used instead");
 }
@@ -137,14 +137,14 @@ void SampleCheck::take(const DepthFrame& frame) {
   std::ranges::copy_if(frame.depth_mm, std::back_inserter(returns), [](auto z) { return z > 0; });
   if (returns.empty()) return;
   if (const std::string fault = fault_of_depths(median(std::move(returns))); !fault.empty())
-    once(depth_reported_, Sensor::depth, "depth map: " + fault + "millimetres");
+    once("depth", Sensor::depth, "depth map: " + fault + "millimetres");
 }
 
 void SampleCheck::take(const Axis& axis) {
   const bool spd = axis.name == "spd";
   const double end_m = axis.at(axis.count) / (spd ? ps_per_m : 1);
   if ((spd || axis.name == "radar") && (end_m < nearest_m || end_m > farthest_m))
-    once(axis_reported_, spd ? Sensor::spd : Sensor::radar,
+    once("axis", spd ? Sensor::spd : Sensor::radar,
          (spd ? "the histogram ends at " : "the range profile ends at ") + digits(end_m) + " m; " +
              (spd ? "are its bins in ps?" : "is its range step in metres?"));
   double tangent = 0;
@@ -152,7 +152,7 @@ void SampleCheck::take(const Axis& axis) {
   for (const Zone& zone : axis.zones)
     if (zone.has_direction()) tangent = std::max({tangent, std::abs(zone.x), std::abs(zone.y)});
   if (tangent > widest)
-    once(tangent_reported_, spd ? Sensor::spd : Sensor::depth,
+    once("tangent", spd ? Sensor::spd : Sensor::depth,
          "the field of view contains the tangent " + digits(tangent) + ", or " +
              digits(std::atan(tangent) * 180 / std::numbers::pi) +
              " degrees from the optical axis; are the tangents in degrees?");

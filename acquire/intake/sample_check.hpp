@@ -12,7 +12,10 @@
 #include <cstdint>
 #include <functional>
 #include <optional>
+#include <set>
 #include <string>
+#include <string_view>
+#include <utility>
 #include <vector>
 
 #include "acquire/intake/clock_rate.hpp"
@@ -39,7 +42,7 @@ class SampleCheck {
   void finish();
 
  private:
-  void once(bool& reported, Sensor sensor, const std::string& text);
+  void once(const char* fault, Sensor sensor, const std::string& text);
   void check_exposures(const HistogramFrame& frame);
   void check_clock(Sensor sensor, std::uint64_t ticks, HostTime received);
 
@@ -54,13 +57,10 @@ class SampleCheck {
   std::optional<ExposureEnd> first_;
   std::uint64_t lost_ = 0, rises_ = 0, exposures_ = 0, exposed_us_ = 0;
   std::size_t profiles_ = 0, like_db_ = 0, maps_ = 0;
-  bool impossible_reported_ = false, long_reported_ = false, overlap_reported_ = false,
-       falls_reported_ = false, db_reported_ = false, zeros_reported_ = false,
-       axis_reported_ = false, tangent_reported_ = false, depth_reported_ = false;
+  std::set<std::pair<std::string_view, Sensor>> reported_;
   // Histograms and depth images have device times in us, profiles in cycles of 32 bits.
   PerSensor<ClockRate> clocks_{ClockRate{1e-6}, ClockRate{1 / RadarFrame::clock_hz, 32},
                                ClockRate{1e-6}};
-  PerSensor<bool> clock_reported_{};
 };
 
 }  // namespace echofuse::acquire

@@ -223,13 +223,10 @@ Verdict SignalCheck::assess_losses(const record::FusedRecord& r, Sensor sensor,
 
 void SignalCheck::assess(record::FusedRecord& record, std::span<const Axis> axes,
                          const RecordingEnds& ends) {
-  const auto axis = [&](const char* name) {
-    return std::find_if(axes.begin(), axes.end(), [&](const Axis& a) { return a.name == name; });
-  };
   PerSensor<Verdict> found{ok_verdict, ok_verdict, ok_verdict};
-  if (const auto a = axis("spd"); record.has(Sensor::spd) && a != axes.end())
+  if (const Axis* const a = find_axis(axes, "spd"); a && record.has(Sensor::spd))
     found[Sensor::spd] = assess_spd(record, *a);
-  if (const auto a = axis("radar"); record.has(Sensor::radar) && a != axes.end())
+  if (const Axis* const a = find_axis(axes, "radar"); a && record.has(Sensor::radar))
     found[Sensor::radar] = assess_radar(record, *a);
   if (record.has(Sensor::depth)) found[Sensor::depth] = assess_depth(record);
   for (const Sensor s : all_sensors) {

@@ -28,15 +28,6 @@ std::string time_text(double ps) {
   return format("%.4g ns", ps / 1e3);
 }
 
-std::string rate_text(double hz) {
-  if (hz >= 1e6) return format("%.4g MHz", hz / 1e6);
-  return hz >= 1e3 ? format("%.4g kHz", hz / 1e3) : format("%.4g Hz", hz);
-}
-
-bool near(double value, double expected, double share) {
-  return std::abs(value - expected) <= share * expected;
-}
-
 // Returns the shortest gap between starts that occurs often. Rare gaps are ignored, because they
 // may be due to corrupted times. The gaps must be sorted.
 double shortest_often(const std::vector<std::uint64_t>& gaps_ps) {
@@ -53,6 +44,11 @@ std::uint64_t count_near(const std::vector<std::uint64_t>& values, double expect
 }
 
 }  // namespace
+
+std::string rate_text(double hz) {
+  if (hz >= 1e6) return format("%.4g MHz", hz / 1e6);
+  return hz >= 1e3 ? format("%.4g kHz", hz / 1e3) : format("%.4g Hz", hz);
+}
 
 std::string comb_text(long double step_ps, std::int64_t bin_width_ps) {
   // If a bin contains fewer time steps than this, one additional step makes it noticeably wider

@@ -28,6 +28,8 @@
 
 namespace echofuse::acquire {
 
+std::string rate_text(double hz);  // e.g. "78.1 kHz"
+
 // Returns a warning that recommends a bin width if tag times in multiples of `step_ps` make the
 // bins uneven; otherwise an empty string.
 std::string comb_text(long double step_ps, std::int64_t bin_width_ps);

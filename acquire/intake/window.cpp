@@ -46,12 +46,12 @@ void Windows::SampleTimes::describe(record::SensorSync& sync) const {
 
 Windows::FrameNumbers::Order Windows::FrameNumbers::put(std::uint32_t number,
                                                         std::uint64_t device_time) {
-  const auto known = last_.begin() + static_cast<std::ptrdiff_t>(std::min(count_, last_.size()));
-  const auto copies = std::count(last_.begin(), known, std::pair(number, device_time));
-  const std::uint32_t before = count_ > 0 ? last_[(count_ - 1) % last_.size()].first : number;
-  last_[count_++ % last_.size()] = {number, device_time};
-  // If all eight frames have the same number and time, the device states neither.
-  if (copies > 0 && copies < std::ssize(last_)) return Order::repeated;
+  const std::pair frame(number, device_time);
+  const bool repeated = std::ranges::find(last_, frame) != last_.end() && !lacks_numbers(last_);
+  const std::uint32_t before = last_.empty() ? number : last_.back().first;
+  last_.push_back(frame);
+  if (last_.size() > unnumbered_frames) last_.pop_front();
+  if (repeated) return Order::repeated;
   return static_cast<std::int32_t>(number - before) < 0 ? Order::back : Order::next;
 }
 

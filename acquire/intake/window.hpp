@@ -29,8 +29,8 @@
 //          Two frames are consecutive if their frame numbers are.
 //   depth  The frame nearest to the centre of the slot. Valid if there is a usable frame.
 #pragma once
-#include <array>
 #include <cstdint>
+#include <deque>
 #include <map>
 #include <memory>
 #include <optional>
@@ -125,8 +125,7 @@ class Windows {
     Order put(std::uint32_t number, std::uint64_t device_time);
 
    private:
-    std::array<std::pair<std::uint32_t, std::uint64_t>, 8> last_{};
-    std::size_t count_ = 0;
+    std::deque<std::pair<std::uint32_t, std::uint64_t>> last_;
   };
 
   Slot* find(Sensor sensor, HostTime taken, std::uint64_t amount);

@@ -10,9 +10,9 @@
 namespace echofuse::record {
 namespace {
 
-Axis tangent_axis(const char* name, std::uint32_t size, double half_tangent, double sign) {
+Axis pixel_axis(const char* name, std::uint32_t size, double half_tangent, double sign) {
   const double step = 2 * half_tangent / size;
-  return {name, "tangent", "1", size, -sign * (half_tangent - step / 2), sign * step, 1};
+  return tangent_axis(name, size, -sign * (half_tangent - step / 2), sign * step);
 }
 
 // Range [first, last) of the source pixels with centres inside a target pixel, or the nearest
@@ -40,20 +40,14 @@ std::vector<PixelRange> cells_of(const Axis& source, const Axis& target) {
   return cells;
 }
 
-const Axis* find_axis(std::span<const Axis> axes, const char* name) {
-  const auto found =
-      std::find_if(axes.begin(), axes.end(), [&](const Axis& a) { return a.name == name; });
-  return found == axes.end() ? nullptr : &*found;
-}
-
 }  // namespace
 
 Axis MapGrid::x() const { return depth_x_axis(size, half_tangent); }
 Axis MapGrid::y() const { return depth_y_axis(size, half_tangent); }
 
 std::array<Axis, 3> MapGrid::axes() const {
-  return {tangent_axis("map_x", size, half_tangent, 1),
-          tangent_axis("map_y", size, half_tangent, -1),
+  return {pixel_axis("map_x", size, half_tangent, 1),
+          pixel_axis("map_y", size, half_tangent, -1),
           {"map_z", "depth", "m", 1, 0, far_m}};
 }
 
@@ -91,10 +85,10 @@ MapGrid map_grid_of(std::span<const Axis> axes) {
 }
 
 Axis depth_x_axis(std::uint32_t size, double half_tangent) {
-  return tangent_axis("depth_x", size, half_tangent, 1);
+  return pixel_axis("depth_x", size, half_tangent, 1);
 }
 Axis depth_y_axis(std::uint32_t size, double half_tangent) {
-  return tangent_axis("depth_y", size, half_tangent, -1);
+  return pixel_axis("depth_y", size, half_tangent, -1);
 }
 
 std::vector<float> to_target(std::span<const std::uint16_t> depth_mm, const Axis& x, const Axis& y,

@@ -3,7 +3,6 @@
 // record contains its letter.
 #pragma once
 #include <array>
-#include <cstddef>
 #include <string_view>
 #include <vector>
 

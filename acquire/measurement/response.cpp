@@ -126,6 +126,15 @@ Response response_of(const std::vector<std::pair<std::string, std::string>>& met
   return out;
 }
 
+std::string fault_of_width(const std::vector<std::pair<std::string, std::string>>& meta,
+                           double bin_width_ps) {
+  constexpr double shortest_in_bins = 0.02;
+  const double fwhm_ps = response_of(meta).irf_fwhm_ps.value;
+  if (fwhm_ps <= 0 || fwhm_ps >= shortest_in_bins * bin_width_ps) return {};
+  return format("irf_fwhm_ps is %g ps, but the bins have %g ps: is the width in ns?", fwhm_ps,
+                bin_width_ps);
+}
+
 bool is_response(const std::vector<std::pair<std::string, std::string>>& meta) {
   const auto known = response_of(meta).meta();
   return std::ranges::all_of(meta, [&](const auto& entry) {

@@ -72,6 +72,10 @@ struct Response {
 
 // Reads the response from the metadata of a run. Missing or invalid parts remain unknown.
 Response response_of(const std::vector<std::pair<std::string, std::string>>& meta);
+// Returns why a detector with the stated response would not record with bins of this width, or an
+// empty string. A width that is 50 times shorter than a bin is probably given in ns.
+std::string fault_of_width(const std::vector<std::pair<std::string, std::string>>& meta,
+                           double bin_width_ps);
 // Returns true if response_of() reads all entries of the metadata that have one of response_keys.
 bool is_response(const std::vector<std::pair<std::string, std::string>>& meta);
 

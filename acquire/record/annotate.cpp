@@ -59,25 +59,22 @@ bool put_into_open(const std::string& path, const Event& event) {
 }
 
 void copy_into(NewFile& copy, const std::string& path) {
-  const RegularFile file(path, ExitCode::failed);
+  const std::size_t size = RegularFile(path, ExitCode::failed).size();
   struct stat like {};
   if (::stat(path.c_str(), &like) != 0 || ::access(path.c_str(), W_OK) != 0)
     cannot_annotate(path, ExitCode::disk, std::strerror(errno));
   const auto folder = std::filesystem::path(path).parent_path();
   constexpr std::uintmax_t note = 1 << 20;  // upper limit of the space that a note needs, in bytes
-  if (const auto room = std::filesystem::space(folder).available; room < file.size() + note)
+  if (const auto room = std::filesystem::space(folder).available; room < size + note)
     cannot_annotate(path, ExitCode::disk,
                     std::to_string(room >> 20) +
                         " MiB free on its disk, but the copy needs at least " +
-                        std::to_string((file.size() + note) >> 20));
+                        std::to_string((size + note) >> 20));
   copy.create();
   const bool same_owner = ::chown(copy.path().c_str(), like.st_uid, like.st_gid) == 0;
   if (!same_owner || ::chmod(copy.path().c_str(), like.st_mode & 07777) != 0)
     cannot_annotate(path, ExitCode::disk, "cannot set owner and mode of the copy");
-  std::string block(1 << 20, '\0');
-  while (const std::size_t bytes =
-             file.read({reinterpret_cast<std::uint8_t*>(block.data()), block.size()}))
-    copy.append({block.data(), bytes});
+  copy.append_file(path);
 }
 
 // Adds the event to a closed run. Returns false if another process holds the run's lock or the run

@@ -56,8 +56,8 @@ Shapes shapes_of(const std::vector<Axis>& axes) {
     shape.values = 1;
     for (const char* name : column.axes) {
       if (!name) continue;
-      const auto found = std::ranges::find(axes, name, &Axis::name);
-      shape.axis = found == axes.end() ? Axis{} : *found;
+      const Axis* const found = find_axis(axes, name);
+      shape.axis = found ? *found : Axis{};
       shape.values *= shape.axis.values();
       shape.text += (shape.text.empty() ? "" : " x ") + std::to_string(shape.axis.count);
     }
@@ -68,9 +68,14 @@ Shapes shapes_of(const std::vector<Axis>& axes) {
   return out;
 }
 
-double record_bytes(const std::vector<Axis>& axes) {
+double record_bytes(const std::vector<Axis>& axes, const FusedRecord& example) {
+  const Shapes shapes = shapes_of(axes);
+  Blobs blobs;
+  SensorSet lost;
+  static_cast<void>(pack(example, shapes, blobs, lost));
   double out = 0;
-  for (const Shape& shape : shapes_of(axes)) out += shape.bytes;
+  for (std::size_t i = 0; i < blobs.size(); ++i)
+    out += blobs[i].empty() ? shapes[i].bytes : static_cast<double>(blobs[i].size());
   return out;
 }
 

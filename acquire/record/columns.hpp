@@ -50,8 +50,9 @@ struct Shape {
 };
 using Shapes = PerColumn<Shape>;
 Shapes shapes_of(const std::vector<Axis>& axes);
-// Returns the size in bytes of all columns in one record; an upper bound.
-double record_bytes(const std::vector<Axis>& axes);
+// Returns the size in bytes of all columns in one record: the size of the packed values of
+// `example`, or an upper bound for those that it lacks.
+double record_bytes(const std::vector<Axis>& axes, const FusedRecord& example = {});
 
 // Packs the values of the valid sensors. Returns an error message if a number of values does not
 // match its axis. Adds each sensor with values that cannot be compressed to `lost`.

@@ -12,6 +12,7 @@
 #include <filesystem>
 #include <fstream>
 #include <sstream>
+#include <utility>
 
 #include "drivers/util/exit_code.hpp"
 #include "drivers/util/printable.hpp"
@@ -21,33 +22,15 @@ namespace echofuse::record {
 // The types written as numbers are not defined in linux/magic.h. The numbers are from statfs(2) and
 // from the headers of the file systems.
 std::string network_of_type(std::uint64_t type) {
-  switch (type) {
-    case NFS_SUPER_MAGIC:
-      return "NFS";
-    case SMB_SUPER_MAGIC:
-    case CIFS_SUPER_MAGIC:
-    case SMB2_SUPER_MAGIC:
-      return "SMB";
-    case AFS_SUPER_MAGIC:
-    case AFS_FS_MAGIC:
-      return "AFS";
-    case CEPH_SUPER_MAGIC:
-      return "Ceph";
-    case V9FS_MAGIC:
-      return "9p";
-    case 0x786f4256:
-      return "vboxsf";
-    case 0x0bd00bd0:
-      return "Lustre";
-    case 0x47504653:
-      return "GPFS";
-    case 0x19830326:
-      return "BeeGFS";
-    case 0xaad7aaea:
-      return "Panasas";
-    default:
-      return {};
-  }
+  constexpr std::pair<std::uint64_t, const char*> known[] = {
+      {NFS_SUPER_MAGIC, "NFS"},   {SMB_SUPER_MAGIC, "SMB"}, {CIFS_SUPER_MAGIC, "SMB"},
+      {SMB2_SUPER_MAGIC, "SMB"},  {AFS_SUPER_MAGIC, "AFS"}, {AFS_FS_MAGIC, "AFS"},
+      {CEPH_SUPER_MAGIC, "Ceph"}, {V9FS_MAGIC, "9p"},       {0x786f4256, "vboxsf"},
+      {0x0bd00bd0, "Lustre"},     {0x47504653, "GPFS"},     {0x19830326, "BeeGFS"},
+      {0xaad7aaea, "Panasas"}};
+  for (const auto& [number, name] : known)
+    if (type == number) return name;
+  return {};
 }
 
 std::string network_of_mount(std::istream& mountinfo, const std::string& device) {

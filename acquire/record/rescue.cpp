@@ -7,7 +7,6 @@
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
-#include <memory>
 
 #include "acquire/record/side_files.hpp"
 #include "acquire/record/sqlite.hpp"

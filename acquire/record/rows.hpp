@@ -5,7 +5,6 @@
 // unknown or the sensor is missing.
 #pragma once
 #include <concepts>
-#include <limits>
 #include <map>
 #include <optional>
 #include <string>

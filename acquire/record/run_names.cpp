@@ -10,6 +10,7 @@
 #include "drivers/util/exit_code.hpp"
 #include "drivers/util/format.hpp"
 #include "drivers/util/printable.hpp"
+#include "drivers/util/regular_file.hpp"
 
 namespace echofuse::record {
 
@@ -44,9 +45,8 @@ std::string with_date(const std::string& pattern) {
 std::string numbered(const fs::path& folder, const std::string& stem) {
   const std::string begin = stem + "-";
   int last = 0;
-  std::error_code none;
-  for (fs::directory_iterator it(folder, none), end; !none && it != end; it.increment(none)) {
-    const std::string name = it->path().filename().string();
+  for (const fs::path& file : entries_of(folder)) {
+    const std::string name = file.filename().string();
     if (name.starts_with(begin)) last = std::max(last, std::atoi(name.c_str() + begin.size()));
   }
   return (folder / (begin + format("%03d", last + 1) + extension)).string();

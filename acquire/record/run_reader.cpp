@@ -308,14 +308,14 @@ void RunReader::check_axis(const Axis& axis) const {
 }
 
 std::optional<Axis> RunHead::axis(const std::string& name) const {
-  const auto found = std::ranges::find(axes, name, &Axis::name);
-  return found == axes.end() ? std::nullopt : std::optional(*found);
+  const Axis* const found = find_axis(axes, name);
+  return found ? std::optional(*found) : std::nullopt;
 }
 
 std::optional<Axis> RunReader::axis(const std::string& name) const {
-  RunHead head;
-  head.axes = axes();
-  return head.axis(name);
+  const std::vector<Axis> all = axes();
+  const Axis* const found = find_axis(all, name);
+  return found ? std::optional(*found) : std::nullopt;
 }
 
 // Uses count(idx), because count(*) reads pages without checking the budget.

@@ -3,7 +3,6 @@
 
 #include <unistd.h>
 
-#include <algorithm>
 #include <chrono>
 #include <random>
 #include <thread>
@@ -30,12 +29,6 @@ std::string make_uuid() {
   std::array<std::uint32_t, 4> words{};
   for (auto& word : words) word = device();
   return uuid_text(words, 4);
-}
-
-void refuse_existing(const std::string& path) {
-  if (::access(path.c_str(), F_OK) != 0) return;
-  throw Error(ExitCode::failed,
-              path + ": exists already; runs are never overwritten; choose another name");
 }
 
 // Maximum wait for another process that adds a label or a note.
@@ -81,6 +74,12 @@ void append_row(Statement& row, const std::string& path, const Shapes& shapes,
 }
 
 }  // namespace
+
+void refuse_existing(const std::string& path) {
+  if (::access(path.c_str(), F_OK) != 0) return;
+  throw Error(ExitCode::failed,
+              path + ": exists already; runs are never overwritten; choose another name");
+}
 
 RunWriter::RunWriter(const std::string& path, const RunInfo& info, const Clock& clock,
                      const Begin& begin)

@@ -31,6 +31,9 @@ struct LockWait {
   bool tried() const;  // Returns true if a writer was waiting within the last 100 ms.
 };
 
+// Throws Error(failed) if the path exists.
+void refuse_existing(const std::string& path);
+
 // Writes a run file. Threading: one thread at a time. Every member throws Error, with the code
 // `disk` if the disk is full or a write fails, otherwise with the code `failed`. A failed append
 // leaves the file unchanged. Every member first checks that the file still exists and is undamaged;

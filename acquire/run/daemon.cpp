@@ -136,7 +136,9 @@ ExitCode Daemon::run() {
   if (raw_) raw_->note("run", loop_.now(), "start", loop_.utc().count());
   devices_.start();
   if (!options_.recording) {
-    devices_.wait(config_.connect_timeout_s);
+    // Slot 0 of a raw capture has a fixed time, even if a device sends no valid data.
+    devices_.wait(options_.kept_slot ? seconds(*options_.kept_slot - settle_time - loop_.now())
+                                     : config_.connect_timeout_s);
     devices_.refuse_misconfigured();
     require_devices();
   }

@@ -8,13 +8,13 @@
 #include <algorithm>
 #include <cerrno>
 #include <chrono>
-#include <cstdlib>
 #include <cstring>
 #include <iterator>
 
 #include "drivers/core/random.hpp"
 #include "drivers/util/console.hpp"
 #include "drivers/util/format.hpp"
+#include "drivers/util/output_queue.hpp"
 
 namespace echofuse::acquire {
 namespace {
@@ -43,13 +43,9 @@ class NamelessFile {
   NamelessFile& operator=(const NamelessFile&) = delete;
 
   void commit(const std::vector<char>& block, off_t at) {
-    for (std::size_t done = 0; done < block.size();) {
-      const ssize_t n =
-          ::pwrite(fd_, block.data() + done, block.size() - done, at + static_cast<off_t>(done));
-      if (n < 0 && errno == EINTR) continue;
-      if (n < 0) fail(folder_, "cannot write");
-      done += static_cast<std::size_t>(n);
-    }
+    ::lseek(fd_, at, SEEK_SET);
+    if (const int error = write_all(fd_, {block.data(), block.size()}); error != 0)
+      errno = error, fail(folder_, "cannot write");
     if (::fdatasync(fd_) != 0) fail(folder_, "cannot write to the disk");
   }
 

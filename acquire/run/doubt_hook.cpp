@@ -20,10 +20,12 @@ DoubtHook::DoubtHook(std::vector<std::string> words, const record::AlertLimits& 
   if (!fault.empty()) throw Error(ExitCode::config, "alert.on_doubt: " + fault);
 }
 
-DoubtHook::~DoubtHook() {
+DoubtHook::~DoubtHook() { kill_program(); }
+
+void DoubtHook::kill_program() {
   if (!program_) return;
   ::kill(-*program_, SIGKILL);
-  wait_for_program(*program_);
+  wait_for_program(*std::exchange(program_, {}));
 }
 
 void DoubtHook::finish(HostTime now) {
@@ -38,9 +40,7 @@ void DoubtHook::finish(HostTime now) {
           " changes were not reported because the run ended");
   waiting_.clear();
   if (ended()) return;
-  ::kill(-*program_, SIGKILL);
-  wait_for_program(*program_);
-  program_.reset();
+  kill_program();
   warn_("alert.on_doubt: " + printable(words_[0]) + " was killed because the run ended");
 }
 

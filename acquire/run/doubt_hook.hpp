@@ -58,6 +58,7 @@ class DoubtHook {
   void put(AlertChange change);
   void start(const AlertChange& change, HostTime now);
   bool ended();
+  void kill_program();
 
   const std::vector<std::string> words_;
   const record::AlertLimits limits_;

@@ -13,9 +13,7 @@
 
 namespace echofuse::acquire {
 void refuse_bad_target(const std::filesystem::path& out) {
-  if (std::filesystem::exists(out))
-    throw Error(ExitCode::failed,
-                out.string() + ": exists already; runs are never overwritten; choose another name");
+  record::refuse_existing(out);
   if (!std::filesystem::is_directory(out.parent_path()))
     throw Error(ExitCode::disk, out.string() + ": its folder does not exist");
   if (::access(out.parent_path().c_str(), W_OK) != 0)

@@ -6,13 +6,11 @@
 
 #include <algorithm>
 #include <cinttypes>
-#include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <utility>
 
-#include "acquire/intake/signal_check.hpp"
 #include "drivers/util/console.hpp"
 #include "drivers/util/format.hpp"
 #include "drivers/util/printable.hpp"

@@ -37,11 +37,11 @@ std::vector<Counter> BridgeClient::counters() const {
 }
 
 void BridgeClient::connect() {
-  parser_.reset();
+  port_ = opener_();
+  parser_.reset(port_->recorded());
   greeted_ = connected_ = kind_reported_ = false;
   quiet_checks_ = 0;
   blocks_seen_ = parser_.counts().blocks;
-  port_ = opener_();
   port_->open({.opened =
                    [this] {
                      ++connections_;
@@ -52,6 +52,10 @@ void BridgeClient::connect() {
                      const HostTime received = loop_.now();
                      parser_.feed(bytes, [&](const Block& block) { on_block(block, received); });
                      if (port_ && parser_.broken()) fail(parser_.broken());
+                     const auto& counts = parser_.counts();
+                     if (port_ && port_->recorded() && counts.bad_crcs + counts.bad_headers > 0 &&
+                         reasons_.insert("damaged").second)
+                       handlers_.event(Severity::warning, "damaged blocks are skipped");
                    },
                .gone =
                    [this](const Failure& failure) {
@@ -103,17 +107,19 @@ void BridgeClient::on_block(Block block, HostTime received) {
   handlers_.block(block, received);
 }
 
-void BridgeClient::reject(const Block& block, const char* expected, const std::string& reason) {
-  constexpr const char* kinds[] = {"hellos",   "tags",       "depth frames",
-                                   "goodbyes", "histograms", "range profiles"};
-  const auto kind = static_cast<std::size_t>(block.kind);
-  const bool other = kind < std::size(kinds) && std::string(kinds[kind]) != expected;
+void BridgeClient::reject(const Block& block, BlockKind expected, const std::string& reason) {
+  const auto text_of = [](BlockKind kind) {
+    constexpr const char* kinds[] = {"hellos",   "tags",       "depth frames",
+                                     "goodbyes", "histograms", "range profiles"};
+    return std::string(kinds[static_cast<std::size_t>(kind)]);
+  };
+  const bool other = block.kind != expected;
   constexpr std::size_t max_reasons = 20;
   if (!other && reasons_.size() < max_reasons && reasons_.insert(reason).second)
-    handlers_.event(Severity::error, std::string("its ") + expected + " have " + reason);
+    handlers_.event(Severity::error, "its " + text_of(expected) + " have " + reason);
   if (other && !std::exchange(kind_reported_, true))
     handlers_.event(Severity::warning,
-                    std::string("this bridge sends ") + kinds[kind] + ", not " + expected +
+                    "this bridge sends " + text_of(block.kind) + ", not " + text_of(expected) +
                         (block.kind == BlockKind::histogram
                              ? "; add \"sends\": \"histograms\" to its hello block"
                              : "; check the port in its address"));

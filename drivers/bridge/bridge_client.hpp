@@ -35,10 +35,9 @@ class BridgeClient {
   void start(Handlers handlers);
   void stop();
   // Rejects a delivered block because its kind is unexpected or its payload is invalid. The block
-  // is reported as lost with the next delivered block. `expected`: kind that the driver expects,
-  // i.e. "tags", "histograms", "depth frames" or "range profiles". `reason`: fault of the payload;
-  // each reason is reported once.
-  void reject(const Block& block, const char* expected, const std::string& reason);
+  // is reported as lost with the next delivered block. `expected`: kind that the driver expects.
+  // `reason`: fault of the payload; each reason is reported once.
+  void reject(const Block& block, BlockKind expected, const std::string& reason);
   std::vector<Counter> counters() const;
 
  private:

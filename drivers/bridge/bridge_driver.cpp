@@ -11,6 +11,8 @@ namespace echofuse::bridge {
 namespace {
 
 constexpr std::uint32_t longest_gap = 1u << 20;
+// value that some cameras report for pixels without a return
+constexpr std::uint16_t invalid_mm = 65535;
 
 namespace fs = std::filesystem;
 
@@ -64,6 +66,71 @@ void BridgeDriver::on_state(DeviceState state, const Hello& hello) {
     if (info_.sensor != Sensor::spd || histograms_) return;
   }
   sink_->on_state(info_.sensor, state, info_);
+}
+
+void BridgeDriver::on_block(const Block& block, HostTime received) {
+  const auto [expected, take] =
+      info_.sensor == Sensor::radar
+          ? std::pair(BlockKind::range_profile, &BridgeDriver::take_profile)
+      : info_.sensor == Sensor::depth ? std::pair(BlockKind::depth, &BridgeDriver::take_depth)
+      : histograms_ ? std::pair(BlockKind::histogram, &BridgeDriver::take_histogram)
+                    : std::pair(BlockKind::tags, &BridgeDriver::take_tags);
+  if (block.kind != expected) return client_.reject(block, expected, "");
+  if (const std::string fault = (this->*take)(block, received); !fault.empty())
+    client_.reject(block, expected, fault);
+}
+
+std::string BridgeDriver::take_tags(const Block& block, HostTime received) {
+  const auto tags = read_tags(block.payload, scratch_);
+  if (!tags) return tags.failure().what;
+  items_ += tags->size();
+  lost_ += block.dropped_items;
+  sink_->on_tags({.received = received,
+                  .tags = *tags,
+                  .lost_blocks = block.lost_blocks,
+                  .lost_items = block.dropped_items});
+  return {};
+}
+
+std::string BridgeDriver::take_histogram(const Block& block, HostTime received) {
+  auto read = read_histogram(block.payload);
+  if (!read) return read.failure().what;
+  HistogramFrame& frame = read->frame;
+  const Zones& stated = hello_.zones;
+  if (!stated.empty() && stated.size() != frame.zones)
+    return std::to_string(frame.zones) + " zones, but the hello block lists " +
+           std::to_string(stated.size());
+  read->axis.zones = stated.empty() ? Zones(frame.zones) : stated;
+  announce({read->axis});
+  frame.received = received;
+  frame.lost_before = block.lost_blocks + block.dropped_items;
+  ++items_;
+  lost_ += frame.lost_before;
+  sink_->on_histogram(std::move(frame));
+  return {};
+}
+
+std::string BridgeDriver::take_profile(const Block& block, HostTime received) {
+  auto read = read_profile(block.payload);
+  if (!read) return read.failure().what;
+  announce({read->axis});
+  read->frame.received = received;
+  read->frame.lost_before = lost_before(read->frame.frame_number, block);
+  ++items_;
+  sink_->on_radar(std::move(read->frame));
+  return {};
+}
+
+std::string BridgeDriver::take_depth(const Block& block, HostTime received) {
+  auto read = read_depth(block.payload);
+  if (!read) return read.failure().what;
+  announce({read->x, read->y});
+  read->frame.received = received;
+  std::ranges::replace(read->frame.depth_mm, invalid_mm, std::uint16_t{0});
+  read->frame.lost_before = lost_before(read->frame.frame_number, block);
+  ++items_;
+  sink_->on_depth(std::move(read->frame));
+  return {};
 }
 
 void BridgeDriver::announce(std::vector<Axis> axes) {

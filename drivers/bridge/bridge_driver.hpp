@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: MIT
-// Base class of the drivers that use the bridge protocol. Axes arrive with the frames. So the
-// state of a device is `streaming` from its first frame, and is reported again if its axes change.
-// A tagger has no axes; its state is `streaming` once its hello block has arrived.
+// Driver of a detector, radar or camera that uses the bridge protocol, over TCP or USB. The hello
+// of a detector determines whether it sends tags or histograms. A radar sends range profiles of
+// linear power. Axes arrive with the frames. So the state of a device is `streaming` from its first
+// frame, and is reported again if its axes change. A tagger has no axes; its state is `streaming`
+// once its hello block has arrived.
 #pragma once
 #include <optional>
 #include <string>
@@ -11,15 +13,21 @@
 
 namespace echofuse::bridge {
 
-class BridgeDriver : public Driver {
+class BridgeDriver final : public Driver {
  public:
+  BridgeDriver(Sensor sensor, port::Loop& loop, std::string address, port::ByteOpener opener);
   void start(SampleSink& sink) override;
   void stop() override { client_.stop(); }
   std::vector<Counter> counters() const override;
 
- protected:
-  BridgeDriver(Sensor sensor, port::Loop& loop, std::string address, port::ByteOpener opener);
-  virtual void on_block(const Block& block, HostTime received) = 0;
+ private:
+  void on_state(DeviceState state, const Hello& hello);
+  void on_block(const Block& block, HostTime received);
+  // Each function passes the samples of a block to the sink. Returns the fault of an invalid block.
+  std::string take_tags(const Block& block, HostTime received);
+  std::string take_histogram(const Block& block, HostTime received);
+  std::string take_profile(const Block& block, HostTime received);
+  std::string take_depth(const Block& block, HostTime received);
   void announce(std::vector<Axis> axes);
   // Returns the number of frames missing before this one, computed from the device's frame numbers,
   // including frames lost before they reached the bridge and frames lost between connections.
@@ -32,10 +40,7 @@ class BridgeDriver : public Driver {
   bool histograms_ = false;  // true if the hello announces histograms instead of tags
   Hello hello_;
   std::uint64_t items_ = 0, lost_ = 0;
-
- private:
-  void on_state(DeviceState state, const Hello& hello);
-
+  std::vector<Tag> scratch_;
   DeviceInfo info_;
   std::optional<std::uint32_t> last_number_;
 };

@@ -42,13 +42,27 @@ BlockHeader read_header(ByteView bytes) {
   return h;
 }
 
-Axis tangent_axis(const char* name, std::uint32_t count, float start, float step) {
-  return {.name = name,
-          .quantity = "tangent",
-          .unit = "1",
-          .count = count,
-          .start = start,
-          .step = step};
+std::size_t next_magic(ByteView bytes, std::size_t from) {
+  const auto found = std::search(bytes.begin() + static_cast<std::ptrdiff_t>(from), bytes.end(),
+                                 magic.begin(), magic.end());
+  return static_cast<std::size_t>(found - bytes.begin());
+}
+
+bool has_crc(ByteView bytes, const BlockHeader& header) {
+  const ByteView payload = bytes.subspan(header_bytes, header.payload_bytes);
+  return crc32c(payload, crc32c(bytes.first(header_bytes - 4))) == header.crc;
+}
+
+// Returns true if the bytes contain a valid block after the first byte.
+bool contains_block(ByteView bytes) {
+  for (std::size_t at = 0; (at = next_magic(bytes, at + 1)) + header_bytes <= bytes.size();) {
+    const ByteView rest = bytes.subspan(at);
+    const BlockHeader header = read_header(rest);
+    if (header.plausible() && header_bytes + header.payload_bytes <= rest.size() &&
+        has_crc(rest, header))
+      return true;
+  }
+  return false;
 }
 
 // Rejects axes with tangents above 100, i.e. angles of more than 89.4 degrees from the optical
@@ -74,18 +88,19 @@ void BlockParser::feed(ByteView bytes, const OnBlock& on_block) {
   buffer_.feed(bytes, [&](ByteView view) { return broken_ ? Step{} : next(view, on_block); });
 }
 
-void BlockParser::reset() {
+void BlockParser::reset(bool recorded) {
   if (!broken_) discard(buffer_.held().size());
   buffer_.clear();
   broken_ = nullptr;
   expected_ = 0;
+  recorded_ = recorded;
 }
 
 Step BlockParser::next(ByteView bytes, const OnBlock& on_block) {
   const auto [end, differs] = std::mismatch(magic.begin(), magic.end(), bytes.begin(), bytes.end());
   if (end != magic.end() && differs != bytes.end()) {
     ++counts_.bad_headers;
-    return refuse("the received bytes are not a bridge block; expected an echofuse bridge",
+    return refuse("the received bytes are not a bridge block; expected an echofuse bridge", bytes,
                   static_cast<std::size_t>(differs - bytes.begin()) + 1);
   }
   // The magic number is compared even if it is incomplete, so that data from another protocol are
@@ -95,14 +110,15 @@ Step BlockParser::next(ByteView bytes, const OnBlock& on_block) {
   const BlockHeader header = read_header(bytes);
   if (!header.plausible()) {
     ++counts_.bad_headers;
-    return refuse("the block header is damaged or has an unsupported version", header_bytes);
+    return refuse("the block header is damaged or has an unsupported version", bytes, header_bytes);
   }
   const std::size_t size = header_bytes + header.payload_bytes;
-  if (bytes.size() < size) return {0, size};
-  const ByteView payload = bytes.subspan(header_bytes, header.payload_bytes);
-  if (crc32c(payload, crc32c(bytes.first(header_bytes - 4))) != header.crc) {
+  // A valid block inside this one shows that its size is damaged.
+  const bool overtaken = recorded_ && bytes.size() < size && contains_block(bytes);
+  if (bytes.size() < size && !overtaken) return {0, recorded_ ? bytes.size() + 1 : size};
+  if (overtaken || !has_crc(bytes, header)) {
     ++counts_.bad_crcs;
-    return refuse("the block has a wrong checksum", size);
+    return refuse("the block has a wrong checksum", bytes, size);
   }
   counts_.bytes += size;
   ++counts_.blocks;
@@ -110,12 +126,21 @@ Step BlockParser::next(ByteView bytes, const OnBlock& on_block) {
             .sequence = header.sequence,
             .dropped_items = header.dropped_items,
             .lost_blocks = missing_before(header.sequence),
-            .payload = payload});
+            .payload = bytes.subspan(header_bytes, header.payload_bytes)});
   return {size, 0};
 }
 
-Step BlockParser::refuse(const char* why, std::size_t bytes) {
-  discard(bytes);
+// `wrong`: number of bytes of the invalid block.
+Step BlockParser::refuse(const char* why, ByteView bytes, std::size_t wrong) {
+  if (recorded_) {  // the last bytes may be the beginning of a magic number
+    const std::size_t next = next_magic(bytes, 1), kept = magic.size() - 1;
+    const std::size_t skipped =
+        next < bytes.size() ? next
+                            : std::max<std::size_t>(1, bytes.size() - std::min(kept, bytes.size()));
+    discard(skipped);
+    return {skipped, 0};
+  }
+  discard(wrong);
   broken_ = why;
   return {};
 }
@@ -186,12 +211,7 @@ Result<HistogramPayload> read_histogram(ByteView payload) {
   if (!(std::abs(start_ps) <= 1e12) || !(width_ps >= 1e-3 && width_ps <= 1e9))
     return fault("an impossible axis; expected bins of 0.001 to 1e9 ps");
   frame.counts = to_values<std::uint32_t>(in.take(in.left()));
-  out.axis = {.name = "spd",
-              .quantity = "counts",
-              .unit = "ps",
-              .count = bins,
-              .start = start_ps,
-              .step = width_ps};
+  out.axis = spd_axis(bins, start_ps, width_ps);
   return out;
 }
 
@@ -211,16 +231,11 @@ Result<ProfilePayload> read_profile(ByteView payload) {
       !(step_m * static_cast<float>(bins) <= farthest_m))
     return fault("an impossible axis; expected rising ranges of at most 10 km");
   frame.power = to_values<float>(in.take(in.left()));
-  if (!std::ranges::all_of(frame.power, [](float p) { return std::isfinite(p); }))
-    return fault("power that is not a finite number");
+  if (!std::ranges::all_of(frame.power, is_power))
+    return fault("power that is not a finite number below 1e38");
   if (!std::ranges::all_of(frame.power, [](float p) { return p >= 0; }))
     return fault("power below 0: is it in dB, or was noise subtracted? Expected linear power");
-  out.axis = {.name = "radar",
-              .quantity = "power",
-              .unit = "m",
-              .count = bins,
-              .start = start_m,
-              .step = step_m};
+  out.axis = range_axis("power", bins, start_m, step_m);
   return out;
 }
 

@@ -79,7 +79,7 @@ std::vector<Counter> counters_of(const BlockCounts& counts);
 
 // Parses bytes into blocks and stops at the first invalid block. Because the transport does not
 // lose or reorder bytes, a damaged block indicates a faulty sender, and the start of the next block
-// is unknown.
+// is unknown. In a recording, a damaged block is skipped instead.
 class BlockParser {
  public:
   using OnBlock = std::function<void(const Block&)>;
@@ -90,7 +90,7 @@ class BlockParser {
   const char* broken() const { return broken_; }
   // Prepares for a new connection: counts an incomplete block as junk and expects sequence number
   // 0. Must not be called from within on_block.
-  void reset();
+  void reset(bool recorded = false);
   // Frees the buffer's memory unless it contains an incomplete block. If this function is not
   // called, the memory is kept for later blocks.
   void give_back() { buffer_.give_back(); }
@@ -99,13 +99,14 @@ class BlockParser {
 
  private:
   Step next(ByteView bytes, const OnBlock& on_block);
-  Step refuse(const char* why, std::size_t bytes);
+  Step refuse(const char* why, ByteView bytes, std::size_t wrong);
   void discard(std::size_t bytes);
   std::uint64_t missing_before(std::uint32_t sequence);
 
   // twice the size of the largest block, because a vector's capacity grows by doubling
   FrameBuffer buffer_{2 * (header_bytes + max_payload_bytes)};
   const char* broken_ = nullptr;
+  bool recorded_ = false;
   BlockCounts counts_;
   std::uint32_t expected_ = 0;
 };

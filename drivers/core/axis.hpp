@@ -3,7 +3,10 @@
 #pragma once
 #include <cmath>
 #include <cstdint>
+#include <span>
 #include <string>
+#include <string_view>
+#include <utility>
 
 #include "drivers/core/zone.hpp"
 
@@ -41,6 +44,24 @@ struct Axis {
   double at(double i) const { return start + i * step; }
   std::size_t values() const { return zones.size() * count; }  // in one record, for all zones
 };
+
+inline Axis spd_axis(std::uint32_t bins, double start_ps, double step_ps,
+                     Zones zones = single_pixel()) {
+  return {"spd", "counts", "ps", bins, start_ps, step_ps, 1, std::move(zones)};
+}
+inline Axis range_axis(const char* quantity, std::uint32_t points, double start_m, double step_m) {
+  return {"radar", quantity, "m", points, start_m, step_m};
+}
+inline Axis tangent_axis(const char* name, std::uint32_t count, double start, double step) {
+  return {name, "tangent", "1", count, start, step};
+}
+
+// Returns the axis with this name, or nullptr.
+inline const Axis* find_axis(std::span<const Axis> axes, std::string_view name) {
+  for (const Axis& axis : axes)
+    if (axis.name == name) return &axis;
+  return nullptr;
+}
 
 // Returns true if all fields are equal, except that start and end may differ by up to 0.001 steps.
 inline bool same_axis(const Axis& a, const Axis& b) {

@@ -28,19 +28,6 @@ class SystemClock final : public Clock {
 
 extern const Clock& system_clock;
 
-// Clock for tests; its time changes only when a test advances it.
-class ManualClock final : public Clock {
- public:
-  HostTime now() const override { return now_; }
-  UtcTime utc() const override { return utc_offset_ + now_; }
-  void advance(std::chrono::nanoseconds by) { now_ += by; }
-  void set(HostTime now) { now_ = now; }
-
- private:
-  HostTime now_{0};
-  UtcTime utc_offset_{0};
-};
-
 // Formats a time in ISO 8601, for example "2024-02-07T12:34:56.789Z".
 std::string iso8601(UtcTime time);
 

@@ -2,6 +2,7 @@
 // Samples of the three kinds of sensor, with unprocessed device values and device times. Unless
 // noted, `received` is the monotonic host time at which the last byte of the sample was read.
 #pragma once
+#include <cmath>
 #include <cstdint>
 #include <numeric>
 #include <optional>
@@ -73,6 +74,13 @@ struct RadarTemperature {
   std::uint32_t time_ms;
   std::int16_t celsius[10];
 };
+
+// Limits of radar power, which may be negative after noise subtraction. `max_radar_power` is below
+// the largest float, so that interpolation cannot overflow. If the largest power of a profile is
+// below `min_radar_power`, powers that are 80 dB lower lose digits as floats.
+inline constexpr float max_radar_power = 1e38F;
+inline constexpr double min_radar_power = 1e-30;
+inline bool is_power(double v) { return std::abs(v) < max_radar_power; }
 
 struct RadarFrame {
   static constexpr double clock_hz = 200e6;  // TI SDK 3, MmwDemo_output_message_header

@@ -47,7 +47,6 @@ inline bool same_view(const Zone& a, const Zone& b) {
 using Zones = std::vector<Zone>;
 // Returns the zone of a single-pixel detector. Its direction is unknown.
 inline Zones single_pixel() { return Zones(1); }
-inline std::size_t histograms_of(const Zones& zones) { return zones.empty() ? 1 : zones.size(); }
 
 // Returns the counts in each bin, summed over all zones. Does not align the zones by zero_ps.
 template <class T>

@@ -27,125 +27,101 @@ constexpr int max_queued = 4;
 
 }  // namespace
 
-// State shared by the loop's thread and the camera's thread. Threading: start(), stop(), finished()
-// and join() run on the loop's thread, all other functions on the camera's thread.
-struct OpenNiCamera::Shared : std::enable_shared_from_this<Shared> {
-  explicit Shared(port::Loop& l) : loop(l) {}
+// The camera's thread. It keeps this object alive. Threading: start(), stop(), finished() and
+// join() run on the loop's thread, all other functions on the camera's thread.
+class OpenNiCamera::Capture : public std::enable_shared_from_this<Capture> {
+ public:
+  Capture(port::Loop& loop, const std::string& address, std::string uri, OpenNiOptions options,
+          port::RawKeeper* raw)
+      : loop_(loop), uri_(std::move(uri)), options_(options), raw_(raw), backoff_(options.backoff) {
+    info_.sensor = Sensor::depth;
+    info_.address = address;
+  }
 
-  void start(SampleSink& to, const DeviceInfo& info, std::function<void()> work) {
-    sink = &to;
-    to.on_state(info.sensor, DeviceState::connecting, info);
-    thread = loop.make_worker();
-    thread->put([self = shared_from_this(), work = std::move(work)] {
-      work();
-      self->loop.post([self] {
-        self->ended = true;
-        self->sink = nullptr;
+  void start(SampleSink& to) {
+    sink_ = &to;
+    to.on_state(info_.sensor, DeviceState::connecting, info_);
+    thread_ = loop_.make_worker();
+    thread_->put([self = shared_from_this()] {
+      self->run();
+      self->loop_.post([self] {
+        self->ended_ = true;
+        self->sink_ = nullptr;
       });
     });
   }
   // Asks the camera's thread to end, and wakes it from pause(). Actions that have already been
   // posted still run.
   void stop() {
-    const std::lock_guard lock(mutex);
-    stopping = true;
-    wake.notify_all();
+    const std::lock_guard lock(mutex_);
+    stopping_ = true;
+    wake_.notify_all();
   }
-  bool finished() const { return ended || !thread; }
+  bool finished() const { return ended_ || !thread_; }
   // Stops and joins the camera's thread. Discards posted actions.
   void join() {
     stop();
-    sink = nullptr;
-    thread.reset();
+    sink_ = nullptr;
+    thread_.reset();
   }
 
-  // Runs sessions until the driver is stopped, with a pause after each failure. `session` returns
-  // the reason why the camera failed, or an empty string at the end of a recording. `info`
-  // describes the camera used in the current session.
-  void run(const DeviceInfo& info, port::Backoff& backoff,
-           const std::function<std::string()>& session) {
+  std::atomic<std::uint64_t> frames{0}, lost_frames{0}, dropped_frames{0}, bad_frames{0},
+      connections{0};
+
+ private:
+  using Read = OpenNiSession::Read;
+
+  // Runs sessions until the driver is stopped, with a pause after each failure.
+  void run() {
     do {
-      const std::string why = session();
-      if (stopping) return;
-      if (why.empty()) return report(info, DeviceState::ended);
-      if (backoff.is_news(why))
+      const std::string why = run_session();
+      if (stopping_) return;
+      if (why.empty()) return report(DeviceState::ended);
+      if (backoff_.is_news(why))
         post([why](SampleSink& to) { to.on_event(Sensor::depth, Severity::warning, why); });
-      report(info, DeviceState::faulted);
-    } while (pause(backoff.next()));
+      report(DeviceState::faulted);
+    } while (pause(backoff_.next()));
   }
   // Reports the state if it has changed since the last report.
-  void report(const DeviceInfo& info, DeviceState now) {
-    if (std::exchange(state, now) == now) return;
-    post([now, info](SampleSink& to) { to.on_state(info.sensor, now, info); });
+  void report(DeviceState now) {
+    if (std::exchange(state_, now) == now) return;
+    post([now, info = info_](SampleSink& to) { to.on_state(info.sensor, now, info); });
   }
   // Runs the action on the loop's thread and passes the driver's sink to it.
   void post(std::function<void(SampleSink&)> action) {
-    loop.post([self = shared_from_this(), action = std::move(action)] {
-      if (self->sink) action(*self->sink);
+    loop_.post([self = shared_from_this(), action = std::move(action)] {
+      if (self->sink_) action(*self->sink_);
     });
   }
   // Waits for the given time. Returns false if the driver has been stopped.
   bool pause(std::chrono::nanoseconds time) {
-    std::unique_lock lock(mutex);
-    return !wake.wait_for(lock, time, [this] { return stopping.load(); });
+    std::unique_lock lock(mutex_);
+    return !wake_.wait_for(lock, time, [this] { return stopping_.load(); });
   }
-
-  port::Loop& loop;
-  SampleSink* sink = nullptr;  // used on the loop's thread only
-  bool ended = false;          // used on the loop's thread only
-  std::unique_ptr<port::Worker> thread;
-  DeviceState state = DeviceState::connecting;  // used on the camera's thread only
-  std::mutex mutex;
-  std::condition_variable wake;
-  std::atomic<bool> stopping{false};
-  std::atomic<int> queued{0};
-  std::atomic<std::uint64_t> frames{0}, lost_frames{0}, dropped_frames{0}, bad_frames{0},
-      connections{0};
-};
-
-// Captures frames. run() and the functions that it calls run on the camera's thread.
-class OpenNiCamera::CaptureThread {
- public:
-  CaptureThread(std::shared_ptr<Shared> shared, DeviceInfo info, std::string uri,
-                const Clock& clock, OpenNiOptions options, port::RawKeeper* raw)
-      : shared_(std::move(shared)),
-        uri_(std::move(uri)),
-        clock_(clock),
-        options_(options),
-        raw_(raw),
-        info_(std::move(info)),
-        backoff_(options.backoff) {}
-
-  void run() {
-    shared_->run(info_, backoff_, [this] { return run_session(); });
-  }
-
- private:
-  using Read = OpenNiSession::Read;
 
   // Runs one session. Returns the reason why the camera failed, or an empty string at the end of a
   // recording.
   std::string run_session() {
     OpenNiSession session;
     if (std::string wrong = session.open(uri_, options_); !wrong.empty()) return wrong;
-    ++shared_->connections;
+    ++connections;
     rejoined_ = last_index_.has_value();
     pace_.reset();
     const std::string address = info_.address;
     info_ = session.info();
     info_.address = address;
     raw_name_.clear();
-    shared_->report(info_, DeviceState::streaming);
+    report(DeviceState::streaming);
     auto last_frame = std::chrono::steady_clock::now();
-    while (!shared_->stopping) {
+    while (!stopping_) {
       DepthFrame frame;
       const Read read = session.read(wait_limit, frame);
       const auto now = std::chrono::steady_clock::now();
       if (read == Read::end) return {};
       if (read == Read::disconnected) return "camera disconnected";
-      if (read == Read::bad_frame) ++shared_->bad_frames;
+      if (read == Read::bad_frame) ++bad_frames;
       if (read == Read::frame) {
-        backoff_.alive(clock_.now());
+        backoff_.alive(loop_.now());
         deliver(std::move(frame), session.recording());
         last_frame = now;
       }
@@ -157,22 +133,22 @@ class OpenNiCamera::CaptureThread {
 
   void deliver(DepthFrame frame, bool recording) {
     if (recording && !hold_back(frame.device_time_us)) return;
-    frame.received = clock_.now();
+    frame.received = loop_.now();
     frame.lost_before = lost_before(frame.frame_number);
     last_index_ = frame.frame_number;
-    shared_->lost_frames += frame.lost_before;
+    lost_frames += frame.lost_before;
     keep(frame);
-    if (shared_->queued >= max_queued) {
-      ++shared_->dropped_frames;
+    if (queued_ >= max_queued) {
+      ++dropped_frames;
       dropped_since_ += 1 + frame.lost_before;
       return;
     }
     frame.lost_before += std::exchange(dropped_since_, 0);
-    ++shared_->queued;
-    ++shared_->frames;
+    ++queued_;
+    ++frames;
     auto held = std::make_shared<DepthFrame>(std::move(frame));
-    shared_->post([shared = shared_, held](SampleSink& sink) {
-      --shared->queued;
+    post([this, held](SampleSink& sink) {
+      --queued_;
       sink.on_depth(std::move(*held));
     });
   }
@@ -214,17 +190,23 @@ class OpenNiCamera::CaptureThread {
     if (!pace_) pace_ = {now, device_time_us};
     const auto due = pace_->first + std::chrono::microseconds(
                                         static_cast<std::int64_t>(device_time_us - pace_->second));
-    if (options_.paced && due > now &&
-        !shared_->pause(std::min<std::chrono::nanoseconds>(due - now, 1s)))
+    if (options_.paced && due > now && !pause(std::min<std::chrono::nanoseconds>(due - now, 1s)))
       return false;
-    while (shared_->queued >= max_queued)
-      if (!shared_->pause(1ms)) return false;
+    while (queued_ >= max_queued)
+      if (!pause(1ms)) return false;
     return true;
   }
 
-  std::shared_ptr<Shared> shared_;
+  port::Loop& loop_;
+  SampleSink* sink_ = nullptr;  // used on the loop's thread only
+  bool ended_ = false;          // used on the loop's thread only
+  std::unique_ptr<port::Worker> thread_;
+  std::mutex mutex_;
+  std::condition_variable wake_;
+  std::atomic<bool> stopping_{false};
+  std::atomic<int> queued_{0};
+  DeviceState state_ = DeviceState::connecting;
   std::string uri_;
-  const Clock& clock_;
   OpenNiOptions options_;
   port::RawKeeper* raw_;
   std::string raw_name_;
@@ -237,37 +219,26 @@ class OpenNiCamera::CaptureThread {
   std::optional<std::pair<std::chrono::steady_clock::time_point, std::uint64_t>> pace_;
 };
 
-OpenNiCamera::OpenNiCamera(port::Loop& loop, std::string address, std::string uri,
+OpenNiCamera::OpenNiCamera(port::Loop& loop, const std::string& address, const std::string& uri,
                            OpenNiOptions options, port::RawKeeper* raw)
-    : shared_(std::make_shared<Shared>(loop)),
-      address_(std::move(address)),
-      uri_(std::move(uri)),
-      loop_(loop),
-      options_(options),
-      raw_(raw) {
+    : capture_(std::make_shared<Capture>(loop, address, uri, options, raw)) {
   initialize_openni();
 }
 
-OpenNiCamera::~OpenNiCamera() { shared_->join(); }
+OpenNiCamera::~OpenNiCamera() { capture_->join(); }
 
-void OpenNiCamera::start(SampleSink& sink) {
-  DeviceInfo info;
-  info.sensor = Sensor::depth;
-  info.address = address_;
-  const auto worker = std::make_shared<CaptureThread>(shared_, info, uri_, loop_, options_, raw_);
-  shared_->start(sink, info, [worker] { worker->run(); });
-}
+void OpenNiCamera::start(SampleSink& sink) { capture_->start(sink); }
 
-void OpenNiCamera::stop() { shared_->stop(); }
+void OpenNiCamera::stop() { capture_->stop(); }
 
-bool OpenNiCamera::finished() const { return shared_->finished(); }
+bool OpenNiCamera::finished() const { return capture_->finished(); }
 
 std::vector<Counter> OpenNiCamera::counters() const {
-  return {{"frames", shared_->frames},
-          {"lost_frames", shared_->lost_frames},
-          {"dropped_frames", shared_->dropped_frames},
-          {"bad_frames", shared_->bad_frames},
-          {"connections", shared_->connections}};
+  return {{"frames", capture_->frames},
+          {"lost_frames", capture_->lost_frames},
+          {"dropped_frames", capture_->dropped_frames},
+          {"bad_frames", capture_->bad_frames},
+          {"connections", capture_->connections}};
 }
 
 }  // namespace echofuse::depth

@@ -41,8 +41,8 @@ struct OpenNiOptions {
 class OpenNiCamera final : public Driver {
  public:
   // Loads OpenNI2's modules. Throws Error(device) if no modules are installed.
-  OpenNiCamera(port::Loop& loop, std::string address, std::string uri, OpenNiOptions options = {},
-               port::RawKeeper* raw = nullptr);
+  OpenNiCamera(port::Loop& loop, const std::string& address, const std::string& uri,
+               OpenNiOptions options = {}, port::RawKeeper* raw = nullptr);
   ~OpenNiCamera() override;  // waits up to about 0.1 s for the camera's thread to end
   void start(SampleSink& sink) override;
   void stop() override;
@@ -50,13 +50,8 @@ class OpenNiCamera final : public Driver {
   std::vector<Counter> counters() const override;
 
  private:
-  struct Shared;
-  class CaptureThread;
-  std::shared_ptr<Shared> shared_;
-  std::string address_, uri_;
-  port::Loop& loop_;
-  OpenNiOptions options_;
-  port::RawKeeper* raw_;
+  class Capture;
+  std::shared_ptr<Capture> capture_;
 };
 
 }  // namespace echofuse::depth

@@ -75,14 +75,9 @@ std::string several_cameras() {
 }
 
 // Returns an axis on which pixel i is at tangent (i - (count - 1) / 2) * step.
-Axis tangent_axis(const char* name, int count, double field_of_view, double sign) {
+Axis pixel_axis(const char* name, int count, double field_of_view, double sign) {
   const double step = sign * 2 * std::tan(field_of_view / 2) / count;
-  return {.name = name,
-          .quantity = "tangent",
-          .unit = "1",
-          .count = static_cast<std::uint32_t>(count),
-          .start = -0.5 * (count - 1) * step,
-          .step = step};
+  return tangent_axis(name, static_cast<std::uint32_t>(count), -0.5 * (count - 1) * step, step);
 }
 
 }  // namespace
@@ -206,9 +201,8 @@ void OpenNiSession::describe(const openni::VideoMode& mode) {
   if (device_.getProperty(ONI_DEVICE_PROPERTY_FIRMWARE_VERSION, firmware, &size) ==
       openni::STATUS_OK)
     info_.firmware = firmware;
-  info_.axes = {
-      tangent_axis("depth_x", mode.getResolutionX(), stream_.getHorizontalFieldOfView(), 1),
-      tangent_axis("depth_y", mode.getResolutionY(), stream_.getVerticalFieldOfView(), -1)};
+  info_.axes = {pixel_axis("depth_x", mode.getResolutionX(), stream_.getHorizontalFieldOfView(), 1),
+                pixel_axis("depth_y", mode.getResolutionY(), stream_.getVerticalFieldOfView(), -1)};
 }
 
 OpenNiSession::Read OpenNiSession::read(std::chrono::milliseconds timeout, DepthFrame& frame) {

@@ -12,6 +12,7 @@
 
 #include "drivers/util/format.hpp"
 #include "drivers/util/program.hpp"
+#include "drivers/util/regular_file.hpp"
 
 namespace echofuse::inventory {
 namespace {
@@ -51,17 +52,6 @@ unsigned number_of(const fs::path& file, int base) {
   return value;
 }
 
-// Returns the entries of a folder, sorted so that a listing does not depend on the file system.
-// Returns an empty list if the folder cannot be read.
-std::vector<fs::path> entries(const fs::path& folder) {
-  std::vector<fs::path> out;
-  std::error_code error;
-  for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error))
-    out.push_back(it->path());
-  std::sort(out.begin(), out.end());
-  return out;
-}
-
 bool real_folder(const fs::path& path) {
   std::error_code error;
   return fs::is_directory(fs::symlink_status(path, error));
@@ -70,11 +60,11 @@ bool real_folder(const fs::path& path) {
 // Collects the names of character devices. The kernel lists them in folders named after their
 // class: .../tty/ttyUSB0, .../hidraw/hidraw0.
 void find_nodes(const fs::path& folder, int depth, std::vector<std::string>& nodes) {
-  for (const fs::path& entry : entries(folder)) {
+  for (const fs::path& entry : entries_of(folder)) {
     if (!real_folder(entry)) continue;
     const std::string name = entry.filename().string();
     if (name == "tty" || name == "hidraw") {
-      for (const fs::path& node : entries(entry))
+      for (const fs::path& node : entries_of(entry))
         if (real_folder(node)) nodes.push_back(node.filename().string());
     } else if (depth < deepest_node) {
       find_nodes(entry, depth + 1, nodes);
@@ -103,7 +93,7 @@ UsbDevice read_device(const fs::path& folder) {
   d.model = text_of(folder / "product");
   d.serial = text_of(folder / "serial");
   std::error_code error;
-  for (const fs::path& entry : entries(fs::canonical(folder, error)))
+  for (const fs::path& entry : entries_of(fs::canonical(folder, error)))
     if (fs::exists(entry / "bInterfaceNumber", error))
       d.interfaces.push_back(read_interface(entry));
   return d;
@@ -113,7 +103,7 @@ UsbDevice read_device(const fs::path& folder) {
 // cannot be read.
 std::vector<UsbDevice> read_usb_tree(const std::string& sys_root) {
   std::vector<UsbDevice> out;
-  for (const fs::path& entry : entries(fs::path(sys_root) / "bus/usb/devices")) {
+  for (const fs::path& entry : entries_of(fs::path(sys_root) / "bus/usb/devices")) {
     std::error_code error;
     if (fs::exists(entry / "idVendor", error)) out.push_back(read_device(entry));
   }
@@ -187,12 +177,10 @@ std::string firmware_of(unsigned bcd) { return format("%x.%02x", bcd >> 8, bcd &
 // such a path. Uses by-path names for devices that share a serial number, because their by-id names
 // are ambiguous.
 std::string stable_path(const std::string& node, const Roots& roots, bool shared_serial) {
-  std::error_code error;
-  const fs::path folder = fs::path(roots.dev) / (shared_serial ? "serial/by-path" : "serial/by-id");
-  for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
-    std::error_code not_a_link;
-    if (fs::read_symlink(it->path(), not_a_link).filename() == node) return it->path().string();
-  }
+  std::error_code not_a_link;
+  for (const fs::path& link :
+       entries_of(fs::path(roots.dev) / (shared_serial ? "serial/by-path" : "serial/by-id")))
+    if (fs::read_symlink(link, not_a_link).filename() == node) return link.string();
   return (fs::path(roots.dev) / node).string();
 }
 

@@ -17,6 +17,7 @@
 
 #include "drivers/util/exit_code.hpp"
 #include "drivers/util/format.hpp"
+#include "drivers/util/output_queue.hpp"
 
 namespace echofuse::port {
 namespace {
@@ -76,12 +77,8 @@ std::string RawKeeper::Shared::write(const std::string& path, ByteView bytes) {
              " MiB free (reserved for the run)";
   }
   const int fd = ::open(path.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_NOFOLLOW | O_CLOEXEC, 0644);
-  int error = fd < 0 ? errno : 0;
-  while (error == 0 && !bytes.empty()) {
-    const ssize_t n = ::write(fd, bytes.data(), bytes.size());
-    if (n >= 0) bytes = bytes.subspan(static_cast<std::size_t>(n));
-    if (n < 0 && errno != EINTR) error = errno;
-  }
+  const int error =
+      fd < 0 ? errno : write_all(fd, {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
   if (fd >= 0) ::close(fd);
   return error == 0 ? "" : path + ": " + std::strerror(error);
 }

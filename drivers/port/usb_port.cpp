@@ -76,22 +76,21 @@ class UsbWorker {
     return false;
   }
   bool fail(const std::string& doing, int error) {
-    switch (error) {
-      case LIBUSB_ERROR_ACCESS:
-        return fail(std::errc::permission_denied,
-                    doing + " (install config/70-echofuse.rules and join the group plugdev)");
-      case LIBUSB_ERROR_BUSY:
-        return fail(std::errc::device_or_resource_busy, doing + " (in use by another program)");
-      case LIBUSB_ERROR_NO_MEM:
-        return fail(std::errc::not_enough_memory,
-                    doing +
-                        " (raise /sys/module/usbcore/parameters/usbfs_memory_mb, shared by all "
-                        "USB programs)");
-      case LIBUSB_ERROR_NO_DEVICE:
-        return fail(std::errc::no_such_device, doing);
-      default:
-        return fail(std::errc::io_error, doing + " (" + libusb_strerror(error) + ")");
-    }
+    struct Cause {
+      int error;
+      std::errc code;
+      const char* hint;
+    };
+    constexpr Cause causes[] = {
+        {LIBUSB_ERROR_ACCESS, std::errc::permission_denied,
+         " (install config/70-echofuse.rules and join the group plugdev)"},
+        {LIBUSB_ERROR_BUSY, std::errc::device_or_resource_busy, " (in use by another program)"},
+        {LIBUSB_ERROR_NO_MEM, std::errc::not_enough_memory,
+         " (raise /sys/module/usbcore/parameters/usbfs_memory_mb, shared by all USB programs)"},
+        {LIBUSB_ERROR_NO_DEVICE, std::errc::no_such_device, ""}};
+    for (const Cause& cause : causes)
+      if (cause.error == error) return fail(cause.code, doing + cause.hint);
+    return fail(std::errc::io_error, doing + " (" + libusb_strerror(error) + ")");
   }
 
   bool open() {

@@ -201,27 +201,27 @@ void Cfg::add(const CfgLine& line) {
 void Cfg::check_words(const CfgCommand& c) {
   const std::string name(c.words[0]);
   if (!std::isalpha(static_cast<unsigned char>(name[0])))
-    return refuse(complaint(c, "is not a command; comments begin with %"));
-  if (name == "peakGrouping") return refuse(complaint(c, "is a command of SDK 1 or 2"));
+    return refuse(c, "is not a command; comments begin with %");
+  if (name == "peakGrouping") return refuse(c, "is a command of SDK 1 or 2");
   const DemoCommand* command = demo_command(name);
-  if (!command) return refuse(complaint(c, "is not a command of the demo of SDK 3.4 to 3.6"));
+  if (!command) return refuse(c, "is not a command of the demo of SDK 3.4 to 3.6");
   check_order(c, *command);
   const std::size_t expected = command->numbers.size();
   for (std::size_t i = 1; i < c.words.size(); ++i)
     if (!to_number(c.words[i]))
-      return refuse(complaint(
+      return refuse(
           c, quoted(c.words[i]) + (i == expected + 1
                                        ? " follows the numbers; put comments on their own line"
-                                       : " is not a number")));
+                                       : " is not a number"));
   if (name == "sensorStart" && c.words.size() > 1)
-    return refuse(complaint(c, "has an argument, which the firmware refuses after new settings"));
+    return refuse(c, "has an argument, which the firmware refuses after new settings");
   if (name == "sensorStop") {
-    if (has("sensorStart")) refuse(complaint(c, "stops the radar that sensorStart started"));
+    if (has("sensorStart")) refuse(c, "stops the radar that sensorStart started");
     return;
   }
-  if (expected + 1 != c.words.size()) return refuse(complaint(c, miscounted(c, expected)));
+  if (expected + 1 != c.words.size()) return refuse(c, miscounted(c, expected));
   for (std::size_t i = 1; i <= expected; ++i)
-    if (const std::string what = outside(c, i); !what.empty()) refuse(complaint(c, what));
+    if (const std::string what = outside(c, i); !what.empty()) refuse(c, what);
   check_combination(c);
 }
 
@@ -229,11 +229,11 @@ void Cfg::check_words(const CfgCommand& c) {
 void Cfg::check_combination(const CfgCommand& c) {
   constexpr double max_bins = 32;
   if (c.words[0] == "calibDcRangeSig" && number(c, 4) - number(c, 3) >= max_bins)
-    refuse(complaint(c, "has more than 32 bins (limit of the demo)"));
+    refuse(c, "has more than 32 bins (limit of the demo)");
   if (c.words[0] == "calibData" && number(c, 1) != 0 && number(c, 2) != 0)
-    refuse(complaint(c, "saves and restores at once; the demo does only one of both"));
+    refuse(c, "saves and restores at once; the demo does only one of both");
   if (c.words[0] == "lvdsStreamCfg" && number(c, 2) == 0 && number(c, 3) != 0 && number(c, 4) != 0)
-    refuse(complaint(c, "streams samples and results without a header, which the demo requires"));
+    refuse(c, "streams samples and results without a header, which the demo requires");
 }
 
 // Checks that the settings required by the command precede it, as in the firmware.
@@ -243,7 +243,7 @@ void Cfg::check_order(const CfgCommand& c, const DemoCommand& command) {
     if (required.ends_with('#') && c.words.size() > 3)
       required.replace(required.size() - 1, 1, c.words[3]);
     if (!settings_.contains(required) && missing_.insert(required).second)
-      refuse(complaint(c, "requires " + shown(required) + " before it"));
+      refuse(c, "requires " + shown(required) + " before it");
   }
   if (name == "flushCfg" || name == "dfeDataOutputMode")
     std::erase_if(settings_, [&](const std::string& setting) {
@@ -272,7 +272,7 @@ void Cfg::check_start(const CfgCommand& start) {
       if (settings_.contains(setting)) lacks.append(" for subframe ").append(std::to_string(k));
       names.append(names.empty() ? "" : ", ").append(lacks);
     }
-  if (!names.empty()) refuse(complaint(start, "requires " + names + " before it"));
+  if (!names.empty()) refuse(start, "requires " + names + " before it");
 }
 
 }  // namespace echofuse::radar

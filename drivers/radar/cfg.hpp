@@ -41,6 +41,7 @@ class Cfg {
   // Throws one Error containing all stored errors and refusals if at least one error was stored.
   void stop_if_faulty() const;
   void refuse(const std::string& line) const;
+  void refuse(const CfgCommand& c, const std::string& what) const { refuse(complaint(c, what)); }
   std::string complaint(const CfgCommand& c, const std::string& what) const;
   [[noreturn]] void fail(const CfgCommand& c, const std::string& what) const;
 

@@ -25,7 +25,6 @@ constexpr std::size_t padding_limit = 32;
 constexpr std::uint32_t max_lost_frames = 1u << 20;
 // a larger gap is counted only if the next frame number confirms it
 constexpr std::uint32_t usual_gap = 100;
-constexpr std::size_t max_types = 64;
 
 std::uint32_t between(std::uint32_t earlier, std::uint32_t later) { return later - earlier - 1; }
 
@@ -273,8 +272,8 @@ bool FrameParser::read_tlv(std::uint32_t type, ByteView payload, RadarFrame& fra
 }
 
 // Returns false if the structure is broken: a TLV exceeds the packet, or the TLVs are followed by
-// more bytes than padding can explain. An excess TLV that would start within the padding is
-// accepted as a wrong TLV count, because some guiMonitor values make the firmware announce a TLV
+// more bytes than padding can explain. A TLV that would start within the padding, and does not fit
+// or has type 0, is only counted, because some guiMonitor values make the firmware announce a TLV
 // that it does not send.
 bool FrameParser::read_tlvs(ByteView body, std::uint32_t count, RadarFrame& frame) {
   ByteReader in(body);
@@ -282,11 +281,11 @@ bool FrameParser::read_tlvs(ByteView body, std::uint32_t count, RadarFrame& fram
     const std::size_t left = in.left();
     const auto type = in.get<std::uint32_t>();
     const auto payload = in.take(in.get<std::uint32_t>());
-    if (!in.ok()) {
-      ++counts_.bad_tlvs;
-      return left < padding_limit;
+    const bool in_padding = left < padding_limit;
+    if (!in.ok() || (in_padding && type == 0)) {
+      ++(in_padding ? counts_.excess_tlvs : counts_.bad_tlvs);
+      return in_padding;
     }
-    count_tlv(type);
     if (!read_tlv(type, payload, frame)) ++counts_.other_tlvs;
   }
   if (in.left() < padding_limit) return true;
@@ -294,16 +293,7 @@ bool FrameParser::read_tlvs(ByteView body, std::uint32_t count, RadarFrame& fram
   return false;
 }
 
-void FrameParser::count_tlv(std::uint32_t type) {
-  const auto known = counts_.tlvs.find(type);
-  if (known != counts_.tlvs.end())
-    ++known->second;
-  else if (counts_.tlvs.size() < max_types)
-    counts_.tlvs.emplace(type, 1);
-}
-
 std::uint32_t FrameParser::lost_before(std::uint32_t number) {
-  if (!counts_.first_frame_number) counts_.first_frame_number = number;
   const auto last = std::exchange(counts_.last_frame_number, number);
   if (!last || number == *last) return 0;
   const auto jump = std::exchange(jump_, {});
@@ -344,6 +334,7 @@ std::vector<Counter> counters_of(const FrameCounts& c) {
           {"truncated_bytes", c.truncated_bytes},
           {"bad_headers", c.bad_headers},
           {"bad_tlvs", c.bad_tlvs},
+          {"excess_tlvs", c.excess_tlvs},
           {"resyncs", c.resyncs},
           {"lost_frames", c.lost_frames},
           {"restarts", c.restarts}};

@@ -38,7 +38,6 @@
 #pragma once
 #include <cstdint>
 #include <functional>
-#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -64,13 +63,13 @@ struct FrameCounts {
   std::uint64_t truncated_bytes = 0;
   std::uint64_t bad_headers = 0;  // magic words followed by an implausible header
   std::uint64_t bad_tlvs = 0;     // packets in which the TLVs leave a gap or do not fit
+  // delivered frames that announce one TLV more than they contain
+  std::uint64_t excess_tlvs = 0;
   std::uint64_t other_tlvs = 0;
   std::uint64_t resyncs = 0;  // number of times that a frame was found after junk bytes
   std::uint64_t lost_frames = 0;
   std::uint64_t restarts = 0;
-  std::optional<std::uint32_t> first_frame_number, last_frame_number;
-  // Number of well-formed TLVs by type. Only the first 64 distinct types are counted.
-  std::map<std::uint32_t, std::uint64_t> tlvs;
+  std::optional<std::uint32_t> last_frame_number;
 };
 
 // Returns an explanation of why the beginning of a stream contains no frame.
@@ -79,7 +78,7 @@ std::string cause_of_no_frames(ByteView beginning);
 // 7 data bits or UTF-8. Otherwise, returns an empty string.
 std::string changed_bytes(ByteView bytes);
 
-// Returns all counters except the frame numbers and the TLVs by type.
+// Returns all counters except the frame number.
 std::vector<Counter> counters_of(const FrameCounts& counts);
 
 class FrameParser {
@@ -112,7 +111,6 @@ class FrameParser {
   void deliver(ByteView packet, const Header& header, HostTime received, const OnFrame& on_frame);
   bool read_tlv(std::uint32_t type, ByteView payload, RadarFrame& frame) const;
   bool read_tlvs(ByteView body, std::uint32_t count, RadarFrame& frame);
-  void count_tlv(std::uint32_t type);
   std::uint32_t lost_before(std::uint32_t number);
   void forget_progress();
 

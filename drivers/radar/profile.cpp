@@ -167,17 +167,14 @@ void check_ramps(const Cfg& cfg) {
   const bool once = cfg.has("adcCfg") && cfg.number(cfg.last("adcCfg"), 2) == 1;
   const double limit = once ? fastest : 2 * fastest;
   for (const CfgCommand& profile : cfg.all("profileCfg")) {
-    for (const auto& words : refusals_of(ramp_of(cfg, profile)))
-      cfg.refuse(cfg.complaint(profile, words));
+    for (const auto& words : refusals_of(ramp_of(cfg, profile))) cfg.refuse(profile, words);
     if (cfg.number(profile, 11) > limit)
-      cfg.refuse(cfg.complaint(
-          profile, "samples faster than 12500 ksps (25000 with complex 2x, adcCfg 2 2)"));
+      cfg.refuse(profile, "samples faster than 12500 ksps (25000 with complex 2x, adcCfg 2 2)");
   }
   for (const CfgCommand& chirp : cfg.all("chirpCfg")) {
     const CfgCommand* profile = profile_cfg_of(cfg, chirp);
     if (profile && refusals_of(ramp_of(cfg, *profile)).empty())
-      for (const auto& words : refusals_of(ramp_of(cfg, *profile, chirp)))
-        cfg.refuse(cfg.complaint(chirp, words));
+      for (const auto& words : refusals_of(ramp_of(cfg, *profile, chirp))) cfg.refuse(chirp, words);
   }
 }
 
@@ -191,13 +188,12 @@ void check_chirps(const Cfg& cfg, const FrameCfg& frame) {
   for (std::size_t k = 0; k < chirps.size(); ++k) {
     if (!chirps[k]) {
       const std::string number = std::to_string(frame.first_chirp(cfg) + k);
-      return cfg.refuse(cfg.complaint(
-          frame.line, "uses chirp " + number + ", which no chirpCfg of this frame defines"));
+      return cfg.refuse(frame.line,
+                        "uses chirp " + number + ", which no chirpCfg of this frame defines");
     }
     const CfgCommand& chirp = *chirps[k];
     const auto mask = cfg.integer(chirp, 8);
-    if ((mask & enabled) == 0)
-      cfg.refuse(cfg.complaint(chirp, "enables no transmitter of channelCfg"));
+    if ((mask & enabled) == 0) cfg.refuse(chirp, "enables no transmitter of channelCfg");
     if (!bpm && std::popcount(mask & enabled) > 1)
       cfg.fail(chirp,
                "enables several transmitters; echofuse supports this only with BPM (bpmCfg)");
@@ -212,9 +208,9 @@ void check_chirps(const Cfg& cfg, const FrameCfg& frame) {
 void check_frame(const Cfg& cfg, const FrameCfg& frame) {
   const double active_ms = 1e3 * active_s(cfg, frame), period_ms = 1e3 * frame.period_s(cfg);
   if (active_ms >= period_ms)
-    cfg.refuse(cfg.complaint(
-        frame.line, "has " + digits(frame.chirps(cfg)) + " chirps, which take " +
-                        digits(active_ms) + " ms, but its period is " + digits(period_ms) + " ms"));
+    cfg.refuse(frame.line, "has " + digits(frame.chirps(cfg)) + " chirps, which take " +
+                               digits(active_ms) + " ms, but its period is " + digits(period_ms) +
+                               " ms");
   const EnabledAntennas antennas = read_antennas(cfg, frame);
   const auto loops = static_cast<std::uint32_t>(frame.chirps(cfg)) /
                      static_cast<std::uint32_t>(antennas.transmitters.size());
@@ -222,9 +218,9 @@ void check_frame(const Cfg& cfg, const FrameCfg& frame) {
       bins_of(sampling_of(cfg, profile_of(cfg, frame)).samples, antennas.virtuals()),
       antennas.virtuals(), loops);
   if (bytes > radar_memory_bytes)
-    cfg.refuse(cfg.complaint(frame.line, "needs " + digits(bytes / 1024) +
-                                             " KiB for the radar cube and the detection matrix; "
-                                             "the chip has 768 KiB"));
+    cfg.refuse(frame.line, "needs " + digits(bytes / 1024) +
+                               " KiB for the radar cube and the detection matrix; "
+                               "the chip has 768 KiB");
 }
 
 // Requires all subframes to have the same range axis and antennas, because a record is the mean of
@@ -410,12 +406,7 @@ RadarProfile parse_profile(std::string_view cfg_text, const std::string& name,
 }
 
 Axis radar_axis(const RadarProfile& profile) {
-  return {.name = "radar",
-          .quantity = "power_with_noise",
-          .unit = "m",
-          .count = profile.bins,
-          .start = 0,
-          .step = profile.range_step_m};
+  return range_axis("power_with_noise", profile.bins, 0, profile.range_step_m);
 }
 
 std::string heat_map_fault(const RadarProfile& profile, const RadarFrame& frame) {

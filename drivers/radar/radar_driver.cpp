@@ -62,8 +62,7 @@ void RadarDriver::stop() {
 }
 
 void RadarDriver::advance_stop_dialogue() {
-  const std::string out = stop_dialogue_->take_output();
-  cli_->write({reinterpret_cast<const std::uint8_t*>(out.data()), out.size()});
+  send(stop_dialogue_->take_output());
   if (stop_dialogue_->done()) disconnect();
 }
 
@@ -114,8 +113,7 @@ void RadarDriver::advance() {
     if (!running_) return;
   }
   for (const auto& bias : dialogue_->take_biases()) sink_->on_firmware_bias(bias);
-  const std::string out = dialogue_->take_output();
-  cli_->write({reinterpret_cast<const std::uint8_t*>(out.data()), out.size()});
+  send(dialogue_->take_output());
   if (dialogue_->state() == CommandDialogue::State::failed) {
     const bool answered = dialogue_->answered();
     const std::string& failure = dialogue_->failure();
@@ -142,7 +140,7 @@ void RadarDriver::on_cli(ByteView bytes) {
   }
   if (no_data_probe_) {
     no_data_probe_->receive_cli(bytes);
-    return advance_no_data_probe();
+    return send(no_data_probe_->take_output());
   }
   if (!dialogue_) return;
   const bool before = dialogue_->state() == CommandDialogue::State::done;
@@ -279,7 +277,7 @@ void RadarDriver::watch() {
 
 void RadarDriver::start_no_data_probe() {
   no_data_probe_.emplace(setup_.data_baud, parser_.counts().bytes - bytes_before_);
-  advance_no_data_probe();
+  send(no_data_probe_->take_output());
   watch_timer_.after(NoDataProbe::time, [this] {
     const std::string& remark = dialogue_->remark();
     fail(probe_failure_ = "no frames on the data port: " + no_data_probe_->cause() +
@@ -287,9 +285,8 @@ void RadarDriver::start_no_data_probe() {
   });
 }
 
-void RadarDriver::advance_no_data_probe() {
-  const std::string out = no_data_probe_->take_output();
-  cli_->write({reinterpret_cast<const std::uint8_t*>(out.data()), out.size()});
+void RadarDriver::send(const std::string& text) {
+  cli_->write({reinterpret_cast<const std::uint8_t*>(text.data()), text.size()});
 }
 
 void RadarDriver::on_disconnected(const Failure& failure) {

@@ -87,7 +87,7 @@ class RadarDriver final : public Driver {
   void check_period(const RadarFrame& frame);
   void watch();
   void start_no_data_probe();
-  void advance_no_data_probe();
+  void send(const std::string& text);  // to the command port
   bool board_was_reset();
   void advance_stop_dialogue();
   void on_disconnected(const Failure& failure);

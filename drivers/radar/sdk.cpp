@@ -38,22 +38,23 @@ bool has_command(const std::vector<CfgLine>& cfg, std::string_view command) {
                      [&](const CfgLine& line) { return first_word(line.text) == command; });
 }
 
-// Returns the file in config/radar that corresponds to the named cfg, for SDK 3.4 or for later
-// SDKs.
-std::string other_file(std::string_view cfg_name, bool for_old_sdk) {
+// Returns the file in config/radar for a board and the resolution of the named cfg, for SDK 3.4 or
+// for later SDKs.
+std::string file_for(const std::string& board, std::string_view cfg_name, bool old_sdk) {
   const bool fine = cfg_name.find("44mm") != cfg_name.npos;
-  const std::string end = for_old_sdk ? "_sdk3.4.cfg" : ".cfg";
-  for (const char* board : {"aop", "ods"})
-    if (cfg_name.find(board) != cfg_name.npos)
-      return std::string("config/radar/xwr64xx_") + board + (fine ? "_44mm" : "_50cm") + end;
-  return std::string("config/radar/xwr68xx_") + (fine ? "44mm" : "paper_50cm") + end;
+  return "config/radar/xwr" + board +
+         (fine               ? "44mm"
+          : board == "68xx_" ? "paper_50cm"
+                             : "50cm") +
+         (old_sdk ? "_sdk3.4.cfg" : ".cfg");
 }
 
-// Returns the files in config/radar for boards with the hardware-accelerator demo.
-std::string of_accelerator(std::string_view cfg_name, bool old_sdk) {
-  const std::string end = std::string(cfg_name.find("44mm") != cfg_name.npos ? "_44mm" : "_50cm") +
-                          (old_sdk ? "_sdk3.4.cfg" : ".cfg");
-  return "config/radar/xwr64xx_aop" + end + " or xwr64xx_ods" + end;
+// Returns the file in config/radar that corresponds to the named cfg.
+std::string other_file(std::string_view cfg_name, bool old_sdk) {
+  for (const std::string board : {"aop", "ods"})
+    if (cfg_name.find(board) != cfg_name.npos)
+      return file_for("64xx_" + board + "_", cfg_name, old_sdk);
+  return file_for("68xx_", cfg_name, old_sdk);
 }
 
 std::string radar_has(std::string_view firmware) {
@@ -81,14 +82,15 @@ std::string_view other_demo_of(std::string_view command) {
 std::string advice_for_unknown(const std::string& command, std::string_view firmware,
                                std::string_view cfg_name) {
   const auto sdk = sdk_of(firmware);
+  const bool old_sdk = sdk && *sdk < new_sdk;
   if (first_word(command) == dsp_command)
     return "; this is a cfg for the DSP demo (ISK); the board runs the hardware-accelerator demo "
            "(AOP, ODS): use " +
-           of_accelerator(cfg_name, sdk && *sdk < new_sdk);
+           file_for("64xx_aop_", cfg_name, old_sdk) + " or " +
+           file_for("64xx_ods_", cfg_name, old_sdk);
   if (first_word(command) == "dfeDataOutputMode")
     return "; is the board an xWRL6432 or xWRL6844? Their demo has other commands, which this "
-           "program "
-           "does not support";
+           "program does not support";
   if (first_word(command) != new_command)
     return firmware.empty() ? ""
                             : "; " + radar_has(firmware) + ": is the cfg for a different demo?";
@@ -107,11 +109,8 @@ std::string advice_for_start(const std::vector<CfgLine>& cfg, std::string_view f
            ": use a cfg for SDK 3.5, " + other_file(cfg_name, false);
   if (!has_command(cfg, dsp_command) && has_command(cfg, "aoaFovCfg"))
     return "; this is a cfg for the hardware-accelerator demo (AOP, ODS), because it has no "
-           "bpmCfg; "
-           "does "
-           "the board run the DSP demo (ISK)? Then use " +
-           other_file(cfg_name.find("44mm") == cfg_name.npos ? "50cm" : "44mm",
-                      sdk && *sdk < new_sdk);
+           "bpmCfg; does the board run the DSP demo (ISK)? Then use " +
+           file_for("68xx_", cfg_name, sdk && *sdk < new_sdk);
   return {};
 }
 

@@ -191,12 +191,8 @@ std::vector<std::uint32_t> Histogram::take() {
 }
 
 Axis Histogram::axis() const {
-  return {.name = "spd",
-          .quantity = "counts",
-          .unit = "ps",
-          .count = settings_.bins,
-          .start = static_cast<double>(settings_.first_bin_ps),
-          .step = static_cast<double>(settings_.bin_width_ps)};
+  return spd_axis(settings_.bins, static_cast<double>(settings_.first_bin_ps),
+                  static_cast<double>(settings_.bin_width_ps));
 }
 
 void StartGaps::add(std::span<const Tag> tags) {

@@ -18,8 +18,10 @@
 #include "drivers/util/exit_code.hpp"
 #include "drivers/util/format.hpp"
 #include "drivers/util/lock.hpp"
+#include "drivers/util/output_queue.hpp"
 #include "drivers/util/printable.hpp"
 #include "drivers/util/program.hpp"
+#include "drivers/util/regular_file.hpp"
 
 namespace echofuse {
 namespace {
@@ -139,11 +141,15 @@ void NewFile::create() {
 }
 
 void NewFile::append(std::string_view text) {
-  while (!text.empty()) {
-    const ssize_t n = ::write(fd_, text.data(), text.size());
-    if (n < 0 && errno != EINTR) fail();
-    if (n > 0) text.remove_prefix(static_cast<std::size_t>(n));
-  }
+  if (const int error = write_all(fd_, text); error != 0) errno = error, fail();
+}
+
+void NewFile::append_file(const std::string& path) {
+  const RegularFile file(path, ExitCode::disk);
+  std::string block(1 << 20, '\0');
+  while (const std::size_t bytes =
+             file.read({reinterpret_cast<std::uint8_t*>(block.data()), block.size()}))
+    append({block.data(), bytes});
 }
 
 void NewFile::publish() { static_cast<void>(move(true)); }
@@ -157,11 +163,7 @@ bool NewFile::move(bool over) {
   if (database_ && !fs::equivalent(folder_of(path_), folder_of(place_), error)) {
     NewFile copy(place_, (fs::path(place_).parent_path() / unfinished(place_)).string());
     copy.create();
-    std::ifstream in(path_, std::ios::binary);
-    std::string block(1 << 20, '\0');
-    while (in.read(block.data(), 1 << 20) || in.gcount() > 0)
-      copy.append({block.data(), static_cast<std::size_t>(in.gcount())});
-    if (!in.eof()) fail();
+    copy.append_file(path_);
     return copy.move(over);
   }
   if (database_) {

@@ -32,9 +32,10 @@ class NewFile {
 
   const std::string& path() const { return path_; }  // path of the unpublished file
   const std::string& place() const { return place_; }
-  void create();                       // creates an empty file; throws Error(disk)
-  void append(std::string_view text);  // throws Error(disk)
-  void keep() { keep_ = true; }        // the destructor does not remove the file
+  void create();                              // creates an empty file; throws Error(disk)
+  void append(std::string_view text);         // throws Error(disk)
+  void append_file(const std::string& path);  // throws Error(disk)
+  void keep() { keep_ = true; }               // the destructor does not remove the file
   // Moves the file to `place` and replaces an existing file. No process may have the file open. On
   // return, the contents and the name are on the disk: fsync of the file, rename, fsync of the
   // folder. If another database left a -wal or -journal file there, renames it with a warning.

@@ -4,8 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cstring>
-#include <limits>
-#include <string_view>
+#include <map>
 
 #include "drivers/core/bytes.hpp"
 #include "drivers/util/printable.hpp"
@@ -29,6 +28,13 @@ void convert(ByteView raw, std::vector<double>& out) {
   const auto values = to_values<T>(raw);
   out.assign(values.begin(), values.end());
 }
+
+// Conversions by NumPy's letter for the kind of the data type and its size in bytes.
+const std::map<std::string, void (*)(ByteView, std::vector<double>&)> conversions{
+    {"b1", convert<std::uint8_t>},  {"i1", convert<std::int8_t>},   {"u1", convert<std::uint8_t>},
+    {"i2", convert<std::int16_t>},  {"u2", convert<std::uint16_t>}, {"i4", convert<std::int32_t>},
+    {"u4", convert<std::uint32_t>}, {"f4", convert<float>},         {"i8", convert<std::int64_t>},
+    {"u8", convert<std::uint64_t>}, {"f8", convert<double>}};
 
 }  // namespace
 
@@ -57,11 +63,8 @@ void NpyFile::read_header() {
     refuse("header is truncated");
 
   const std::string type = value_of(header, "descr");
-  const auto among = [](char c, std::string_view all) { return all.find(c) != all.npos; };
-  const bool known = type.size() == 5 && among(type[1], "<|") && among(type[2], "biuf") &&
-                     among(type[3], "1248") && !(type[2] == 'f' && type[3] < '4') &&
-                     !(type[2] == 'b' && type[3] != '1');
-  if (!known)
+  const bool little = type.size() == 5 && (type[1] == '<' || type[1] == '|');
+  if (!little || !conversions.contains(type.substr(2, 2)))
     refuse("has type " + printable(type) +
            "; expected little-endian integers, or floats of 4 or 8 bytes");
   kind_ = type[2], item_bytes_ = static_cast<std::size_t>(type[3] - '0');
@@ -97,26 +100,7 @@ std::vector<double> NpyFile::next_row() {
   Bytes raw(row_size_ * item_bytes_);
   if (file_.read(raw) != raw.size()) refuse("ends before its last row");
   std::vector<double> out;
-  const bool is_signed = kind_ == 'i';
-  switch (item_bytes_) {
-    case 1:
-      is_signed ? convert<std::int8_t>(raw, out) : convert<std::uint8_t>(raw, out);
-      break;
-    case 2:
-      is_signed ? convert<std::int16_t>(raw, out) : convert<std::uint16_t>(raw, out);
-      break;
-    case 4:
-      if (kind_ == 'f')
-        convert<float>(raw, out);
-      else
-        is_signed ? convert<std::int32_t>(raw, out) : convert<std::uint32_t>(raw, out);
-      break;
-    default:
-      if (kind_ == 'f')
-        convert<double>(raw, out);
-      else
-        is_signed ? convert<std::int64_t>(raw, out) : convert<std::uint64_t>(raw, out);
-  }
+  conversions.at(kind_ + std::to_string(item_bytes_))(raw, out);
   return out;
 }
 

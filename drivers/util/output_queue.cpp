@@ -18,7 +18,8 @@ namespace {
 
 constexpr std::chrono::seconds max_pause{1};
 
-// Writes the whole string. Returns 0, or errno on failure.
+}  // namespace
+
 int write_all(int descriptor, std::string_view text) {
   while (!text.empty()) {
     const ssize_t n = ::write(descriptor, text.data(), text.size());
@@ -32,8 +33,6 @@ int write_all(int descriptor, std::string_view text) {
   }
   return 0;
 }
-
-}  // namespace
 
 struct OutputQueue::Shared {
   struct QueuedText {

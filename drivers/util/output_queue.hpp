@@ -7,9 +7,13 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <string_view>
 #include <thread>
 
 namespace echofuse {
+
+// Writes the whole text. Waits if the descriptor is non-blocking. Returns 0, or errno on failure.
+int write_all(int descriptor, std::string_view text);
 
 // Writes messages to a file descriptor in order, on its own thread. Keeps at most 1 MiB of
 // unwritten messages; if there are more, drops the oldest. `note` returns the message that replaces

@@ -7,7 +7,6 @@
 
 #include <cerrno>
 #include <cstring>
-#include <filesystem>
 
 #include "drivers/util/caused_error.hpp"
 #include "drivers/util/printable.hpp"
@@ -45,6 +44,16 @@ std::string real_path(const std::string& path) {
   std::error_code error;
   const auto found = std::filesystem::canonical(path, error);
   return error ? path : found.string();
+}
+
+std::vector<std::filesystem::path> entries_of(const std::filesystem::path& folder) {
+  std::vector<std::filesystem::path> out;
+  std::error_code error;
+  for (std::filesystem::directory_iterator it(folder, error), end; !error && it != end;
+       it.increment(error))
+    out.push_back(it->path());
+  std::ranges::sort(out);
+  return out;
 }
 
 // Checks the file before opening it, because opening a device may have side effects. Checks it

@@ -4,8 +4,10 @@
 #pragma once
 #include <algorithm>
 #include <cstdint>
+#include <filesystem>
 #include <span>
 #include <string>
+#include <vector>
 
 #include "drivers/util/exit_code.hpp"
 
@@ -19,6 +21,10 @@ void require_regular(const std::string& path, ExitCode code);
 // Resolves symbolic links in PATH. Returns PATH if it does not exist. SQLite creates its -wal and
 // -journal files next to the resolved file.
 std::string real_path(const std::string& path);
+
+// Returns the entries of a folder, sorted so that a listing does not depend on the file system.
+// Returns an empty list if the folder cannot be read.
+std::vector<std::filesystem::path> entries_of(const std::filesystem::path& folder);
 
 // A regular file that is open for reading. Opening it does not block, even if the file is replaced
 // by a FIFO after the check.

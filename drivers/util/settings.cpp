@@ -119,37 +119,27 @@ std::string read_config_text(const std::string& path) {
 }
 
 void Settings::add(std::string key, double& value, double min, double max, std::string doc) {
-  check_new(key);
-  entries_.push_back({std::move(key), std::move(doc), RealTarget{&value, min, max}});
-}
-void Settings::add(std::string key, std::int64_t& value, std::int64_t min, std::int64_t max,
-                   std::string doc) {
-  check_new(key);
-  entries_.push_back({std::move(key), std::move(doc), IntegerTarget{&value, min, max}});
+  put(std::move(key), std::move(doc), RealTarget{&value, min, max});
 }
 void Settings::add(std::string key, bool& value, std::string doc) {
-  check_new(key);
-  entries_.push_back({std::move(key), std::move(doc), &value});
+  put(std::move(key), std::move(doc), &value);
 }
 void Settings::add(std::string key, std::string& value, std::string doc,
                    std::vector<std::string> allowed) {
-  check_new(key);
-  entries_.push_back({std::move(key), std::move(doc), TextTarget{&value, std::move(allowed)}});
+  put(std::move(key), std::move(doc), TextTarget{&value, std::move(allowed)});
 }
 
 void Settings::add(std::string key, std::vector<std::string>& value, std::string doc) {
-  check_new(key);
-  entries_.push_back({std::move(key), std::move(doc), &value});
+  put(std::move(key), std::move(doc), &value);
 }
 
-void Settings::check_new([[maybe_unused]] const std::string& key) const {
-  assert(std::none_of(entries_.begin(), entries_.end(),
-                      [&](const Setting& e) { return e.key == key; }));
+void Settings::put(std::string key, std::string doc, Target target) {
+  assert(!find(key));
+  entries_.push_back({std::move(key), std::move(doc), std::move(target)});
 }
 
 Settings::Setting* Settings::find(const std::string& key) {
-  const auto it = std::find_if(entries_.begin(), entries_.end(),
-                               [&](const Setting& e) { return e.key == key; });
+  const auto it = std::ranges::find(entries_, key, &Setting::key);
   return it == entries_.end() ? nullptr : &*it;
 }
 
@@ -164,8 +154,8 @@ bool Settings::refused(const std::string& key) const {
 }
 
 bool Settings::is_section(const std::string& key) const {
-  return std::any_of(entries_.begin(), entries_.end(),
-                     [&](const Setting& e) { return e.key.rfind(key + ".", 0) == 0; });
+  return std::ranges::any_of(entries_,
+                             [&](const Setting& e) { return e.key.starts_with(key + "."); });
 }
 
 std::vector<std::string> Settings::keys() const {
@@ -203,7 +193,7 @@ std::string Settings::assign(Setting& entry, const Node& node, const std::string
     if (node.is_integer()) {
       const auto v = *node.template value<std::int64_t>();
       fits = v >= i->min && v <= i->max;
-      if (fits) *i->value = v;
+      if (fits) i->set(v);
     }
   } else if (auto* b = std::get_if<bool*>(&entry.target)) {
     fits = node.is_boolean();
@@ -336,7 +326,7 @@ void Settings::set(const std::string& assignment) {
 
 std::string Settings::value_of(const Setting& entry) {
   if (const auto* r = std::get_if<RealTarget>(&entry.target)) return literal(*r->value);
-  if (const auto* i = std::get_if<IntegerTarget>(&entry.target)) return std::to_string(*i->value);
+  if (const auto* i = std::get_if<IntegerTarget>(&entry.target)) return std::to_string(i->value());
   if (const auto* b = std::get_if<bool*>(&entry.target)) return **b ? "true" : "false";
   if (const auto* list = std::get_if<std::vector<std::string>*>(&entry.target)) {
     std::string out;

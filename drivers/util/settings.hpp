@@ -4,7 +4,9 @@
 // file:line:column, the expected value and the nearest known key. The struct's initialisers are the
 // defaults.
 #pragma once
+#include <concepts>
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <variant>
 #include <vector>
@@ -37,8 +39,12 @@ class Settings {
  public:
   // Adds a setting with a dotted key, for example "tdc.bins". `value` must outlive this object.
   void add(std::string key, double& value, double min, double max, std::string doc);
-  void add(std::string key, std::int64_t& value, std::int64_t min, std::int64_t max,
-           std::string doc);
+  template <std::integral T>
+  void add(std::string key, T& value, std::int64_t min, std::int64_t max, std::string doc) {
+    put(std::move(key), std::move(doc),
+        IntegerTarget{[&value] { return static_cast<std::int64_t>(value); },
+                      [&value](std::int64_t v) { value = static_cast<T>(v); }, min, max});
+  }
   void add(std::string key, bool& value, std::string doc);
   // If `allowed` is not empty, the value must be one of its elements.
   void add(std::string key, std::string& value, std::string doc,
@@ -79,16 +85,19 @@ class Settings {
     double min, max;
   };
   struct IntegerTarget {
-    std::int64_t* value;
+    std::function<std::int64_t()> value;
+    std::function<void(std::int64_t)> set;
     std::int64_t min, max;
   };
   struct TextTarget {
     std::string* value;
     std::vector<std::string> allowed;
   };
+  using Target =
+      std::variant<RealTarget, IntegerTarget, bool*, TextTarget, std::vector<std::string>*>;
   struct Setting {
     std::string key, doc;
-    std::variant<RealTarget, IntegerTarget, bool*, TextTarget, std::vector<std::string>*> target;
+    Target target;
     std::string origin{};
     bool refused = false;
   };
@@ -102,7 +111,7 @@ class Settings {
   std::string unknown(const std::string& key, const Node& node) const;
   void parse(std::string text, const std::string& name, FaultList& faults);
   void take(const std::string& assignment, FaultList& faults);
-  void check_new(const std::string& key) const;
+  void put(std::string key, std::string doc, Target target);
   Setting* find(const std::string& key);
   bool is_section(const std::string& key) const;
   std::vector<std::string> keys() const;

@@ -44,7 +44,7 @@ void put_row(Column& column, const ColumnAxis& axis, std::span<const float> valu
   if (!values.empty() && values.size() != expected)
     refuse(std::to_string(values.size()) + " values");
   for (std::size_t i = 0; i < values.size(); ++i)
-    if (!recon::is_power(values[i]) || (limit && values[i] < *limit))
+    if (!is_power(values[i]) || (limit && values[i] < *limit))
       refuse("value " + std::to_string(i) + " is " + format("%g", double{values[i]}));
   column = Matrix(1, expected), column.axis = axis;
   std::ranges::copy(values, column.row(0).begin());

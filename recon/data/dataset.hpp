@@ -20,10 +20,6 @@
 
 namespace echofuse::recon {
 
-// Returns true if the value is a valid power. The limit is below the largest float, so that
-// interpolation cannot overflow.
-inline bool is_power(float v) { return std::abs(v) < 1e38f; }
-
 // Sensors that a model uses. fused: SPD and radar, including the radar's antenna samples if the run
 // contains them. fused_profile: SPD and the range profile of the radar, without antenna samples, as
 // in Lai et al. (2024).

@@ -127,12 +127,7 @@ bool is_near(const ColumnAxis& found, const ColumnAxis& expected) {
 Axis radar_bins(double width_m) {
   constexpr double span_m = 7;
   const auto count = static_cast<std::uint32_t>(span_m / width_m + 1e-9);
-  return {.name = "radar",
-          .quantity = "binned_power",
-          .unit = "m",
-          .count = count,
-          .start = width_m / 2,
-          .step = width_m};
+  return range_axis("binned_power", count, width_m / 2, width_m);
 }
 
 void rebin_radar(Dataset& data, const Axis& bins) {

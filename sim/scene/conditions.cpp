@@ -315,8 +315,7 @@ std::string object_text(const Conditions& c) {
 }
 
 Axis spd_axis(const Conditions& c) {
-  return {"spd",          "counts",      "ps", static_cast<std::uint32_t>(c.bins),
-          c.first_bin_ps, c.bin_width_ps};
+  return echofuse::spd_axis(static_cast<std::uint32_t>(c.bins), c.first_bin_ps, c.bin_width_ps);
 }
 
 record::MapGrid map_grid(const Conditions& c) {
@@ -325,7 +324,7 @@ record::MapGrid map_grid(const Conditions& c) {
 }
 
 Axis radar_axis(const Conditions& c) {
-  return {"radar", "power", "m", static_cast<std::uint32_t>(c.radar_bins), 0, c.radar_step_m};
+  return range_axis("power", static_cast<std::uint32_t>(c.radar_bins), 0, c.radar_step_m);
 }
 
 record::Response stated_response(const Conditions& c) {

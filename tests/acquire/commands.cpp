@@ -187,6 +187,8 @@ TEST_CASE("the run command refuses a read-only folder, and metadata that have no
   for (const char* response : {"irf_fwhm_ps=abc", "irf_fwhm_ps=-3", "radar_taps=1 1 1"})
     refuses("run --out " + folder / "a" + config + " --meta '" + response + "'", 2,
             "--meta: expected a response");
+  refuses("run --out " + folder / "a" + config + " --meta irf_fwhm_ps=0.35", 3,
+          "irf_fwhm_ps is 0.35 ps, but the bins have 100 ps: is the width in ns?");
   refuses("run --out " + folder / "a" + config + " --meta a=1 --meta b=1 --meta a=2", 2,
           "--meta a: given twice");
   for (const char* key :

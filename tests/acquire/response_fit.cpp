@@ -249,7 +249,9 @@ TEST_CASE("the response fit refuses an extended reflector and reports the reason
   const Amplitude turned = std::polar(0.5, 1.);
   CHECK_THAT(refusal(fine, {{}, {0.08, turned}}),
              Catch::Contains("does not match that of a single point"));
-  CHECK_THAT(refusal({0.25, 0.27, 0.5}, {{}}), Catch::Contains("at 3 m for range cells of 50 cm"));
+  CHECK_THAT(
+      refusal({0.25, 0.27, 0.5}, {{}}),
+      Catch::Contains("at 1.6 m or farther, because the range cells of this cfg have 27 cm"));
   record::Response found;
   CHECK(fit_radar_response({}, fine.axis(), 1, found).refusal == "fewer than 8 frames received");
   // A wall behind the reflector is excluded from the fit.

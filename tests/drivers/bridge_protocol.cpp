@@ -281,7 +281,7 @@ TEST_CASE("histogram and range profile blocks are decoded, and impossible ones a
     CHECK_THAT(reason(read_profile(bad)), Catch::StartsWith("an impossible axis"));
   CHECK_THAT(reason(read_profile(with(power, 24, -1.0F))), Catch::StartsWith("power below 0"));
   CHECK(reason(read_profile(with(power, 28, std::nanf("")))) ==
-        "power that is not a finite number");
+        "power that is not a finite number below 1e38");
 }
 
 TEST_CASE(
@@ -335,6 +335,31 @@ TEST_CASE("the bridge parser reports the kind of damage") {
   CHECK(damaged(40, 1).junk_bytes == pieces[1].size());
   CHECK(damaged(2, 1).bad_headers == 1);
   CHECK(damaged(2, 1).junk_bytes == 3);
+}
+
+TEST_CASE("in a recording, damaged bridge blocks are skipped and counted as lost") {
+  const std::size_t size = tag_block(1, 5).size(), at = GENERATE(0, 4, 8, 12, 13, 14, 15, 28, 40);
+  const std::size_t piece = GENERATE(1, 50, 10'000);
+  Bytes bytes = tag_block(0, 5);
+  const std::size_t first = bytes.size();
+  for (std::uint32_t k = 1; k <= 6; ++k) {
+    const Bytes block = tag_block(k, 5);
+    bytes.insert(bytes.end(), block.begin(), block.end());
+  }
+  bytes[first + at] ^= 4;
+  bytes.erase(bytes.begin() + static_cast<std::ptrdiff_t>(first + 3 * size - 7));
+  BlockParser parser;
+  parser.reset(true);
+  std::vector<std::uint32_t> numbers;
+  std::uint64_t lost = 0;
+  for (const ParsedBlock& block : feed(parser, bytes, [&] { return piece; }))
+    numbers.push_back(block.sequence), lost += block.lost;
+  CAPTURE(at, piece);
+  CHECK(numbers == std::vector<std::uint32_t>{0, 2, 4, 5, 6});
+  CHECK(lost == 2);
+  CHECK_FALSE(parser.broken());
+  CHECK(parser.counts().bytes == bytes.size());
+  CHECK(parser.counts().junk_bytes == 2 * size - 1);
 }
 
 TEST_CASE("a wrong magic word in a block is detected however the byte stream is split") {

@@ -9,9 +9,8 @@
 #include "../catch.hpp"
 #include "../fixtures/wire.hpp"
 #include "blocks.hpp"
-#include "drivers/depth/bridge_camera.hpp"
+#include "drivers/bridge/bridge_driver.hpp"
 #include "drivers/port/virtual_loop.hpp"
-#include "drivers/tdc/bridge_tdc.hpp"
 #include "sink.hpp"
 
 using namespace echofuse;
@@ -30,9 +29,10 @@ struct Pair {
                     .left = [this] { connected = false; }});
     listener.accept();
     if (kind == Sensor::spd)
-      driver = std::make_unique<tdc::BridgeTdc>(loop, "test", listener.opener());
+      driver = std::make_unique<bridge::BridgeDriver>(Sensor::spd, loop, "test", listener.opener());
     else
-      driver = std::make_unique<depth::BridgeCamera>(loop, "test", listener.opener());
+      driver =
+          std::make_unique<bridge::BridgeDriver>(Sensor::depth, loop, "test", listener.opener());
     driver->start(sink);
   }
   ~Pair() { driver->stop(); }

@@ -103,6 +103,16 @@ TEST_CASE("start-up errors of the simulated laboratory state the cause and leave
   }
 }
 
+namespace {
+
+struct ManualClock final : Clock {
+  HostTime now() const override { return time; }
+  UtcTime utc() const override { return time; }
+  HostTime time{};
+};
+
+}  // namespace
+
 TEST_CASE("scenes change at the set interval, and 25 % of mixed scenes show people") {
   ManualClock clock;
   const sim::Conditions conditions;
@@ -110,11 +120,11 @@ TEST_CASE("scenes change at the set interval, and 25 % of mixed scenes show peop
   CHECK(player.at(0.49).index == 0);
   CHECK(player.scene_end_s(0.49) == 0.5);
   CHECK(player.at(0.51).index == 1);
-  clock.advance(std::chrono::seconds(2));
+  clock.time += std::chrono::seconds(2);
   CHECK(player.now_s() == 2.0);
   CHECK(player.at(player.now_s()).index == 4);
   // The laboratory starts in the middle of a scene.
-  clock.set(std::chrono::milliseconds(10'200));
+  clock.time = std::chrono::milliseconds(10'200);
   sim::ScenePlayer later(clock, conditions, {"mixed", 3, 0.5});
   CHECK(later.at(0.299).index == 0);
   CHECK(later.scene_end_s(0.1) == Approx(0.3).epsilon(1e-12));

@@ -290,8 +290,8 @@ TEST_CASE("a radar that is connected through a bridge is calibrated with its ran
   CHECK(entry->serial == "R1");
   CHECK(std::abs(entry->offset_m - 0.021) < 3 * entry->standard_error_m);
   CHECK(entry->standard_error_m < 3e-3);
-  CHECK(c.axes.radar_step_m == Approx(0.08));
-  CHECK(c.axes.radar_bins == 100);
+  CHECK(c.axes.radar.step == Approx(0.08));
+  CHECK(c.axes.radar.count == 100);
   CHECK_FALSE(c.response.radar.known());
   b.lab->set({"run.calibration=" + stored});
   CHECK(calibrate(*b.lab, true, options) == ExitCode::ok);

@@ -31,7 +31,7 @@ from .response import MUCH_NARROWER, Response, filter_between, filtered, stated_
 __all__ = ["Estimator", "Maps", "Model", "load_model", "read_safetensors"]
 
 MAX_RANGE_OFFSET_M = 10  # same value as in recon/cli/commands.cpp
-MAX_POWER, MAX_CLICKS_PER_S = 1e38, 1e8  # same values as in recon/data/dataset.hpp
+MAX_POWER, MAX_CLICKS_PER_S = 1e38, 1e8  # as in drivers/core/sample.hpp
 # Tolerances of the tangents of a zone's direction (x, y) and width (drivers/core/zone.hpp).
 ZONE_TOLERANCES = np.array([0.01, 0.01, 0.02])
 
