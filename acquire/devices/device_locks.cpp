@@ -21,13 +21,6 @@
 namespace echofuse::acquire {
 namespace {
 
-std::vector<std::string> addresses_of(const Config& config, Sensor s) {
-  if (s == Sensor::spd) return {config.tdc.address};
-  if (s == Sensor::depth) return {config.depth.address};
-  if (!config.radar.address.empty()) return {config.radar.address};
-  return {config.radar.cli, config.radar.data};
-}
-
 // Returns the name under which a device is locked: host and port of a bridge, path of a serial
 // port, or URI of a camera. Any other device is locked under its address.
 std::string known_as(const std::string& address) {
@@ -73,6 +66,13 @@ std::string text_of(const std::string& command, const std::string& run) {
 }
 
 }  // namespace
+
+std::vector<std::string> addresses_of(const Config& config, Sensor s) {
+  if (s == Sensor::spd) return {config.tdc.address};
+  if (s == Sensor::depth) return {config.depth.address};
+  if (!config.radar.address.empty()) return {config.radar.address};
+  return {config.radar.cli, config.radar.data};
+}
 
 // Uses /run/lock if all users can write to it, as on Debian; otherwise /tmp.
 std::string lock_folder() {

@@ -16,6 +16,9 @@ struct Holder {
   std::string run;  // file of the run that the process is recording; may be empty
 };
 
+// Returns the addresses of a sensor's device; two for a radar on a command port and a data port.
+std::vector<std::string> addresses_of(const Config& config, Sensor sensor);
+
 // Returns the folder of the lock files. All users share it, so that each program sees the locks of
 // other users' programs. The environment variable ECHOFUSE_LOCKS overrides the default folder.
 std::string lock_folder();

@@ -13,12 +13,6 @@ namespace {
 constexpr auto calibration_keeps = std::chrono::hours(90 * 24);
 constexpr auto stop_timeout = std::chrono::milliseconds(300);  // maximum time to stop all drivers
 
-std::string address_of(const Config& config, Sensor s) {
-  if (s == Sensor::spd) return config.tdc.address;
-  if (s == Sensor::depth) return config.depth.address;
-  return config.radar.address.empty() ? config.radar.cli : config.radar.address;
-}
-
 // Returns the serial number of the device, or its model if the serial number is unknown.
 template <class Device>
 const std::string& identity_of(const Device& device) {
@@ -46,7 +40,7 @@ Devices::Devices(port::Loop& loop, const Config& config, SampleSink& next, port:
       }) {
   for (const Sensor s : all_sensors) {
     status(s).configured = config.configured().contains(s);
-    status(s).info.address = address_of(config, s);
+    status(s).info.address = addresses_of(config, s)[0];
     if (const auto* entry = config.calibration.find(s)) identities_[s] = identity_of(*entry);
     if (!status(s).configured) continue;
     drivers_[s] = recording            ? recording(s)

@@ -11,6 +11,7 @@
 #include <fstream>
 #include <iterator>
 
+#include "acquire/devices/device_locks.hpp"
 #include "acquire/doctor/doctor.hpp"
 #include "drivers/port/open_port.hpp"
 #include "drivers/util/format.hpp"
@@ -46,12 +47,6 @@ std::string serial_path(const std::string& address) {
   return (error ? path : real).string();
 }
 
-std::vector<std::string> configured_addresses(const std::optional<Config>& config) {
-  if (!config) return {};
-  return {config->tdc.address, config->radar.address, config->radar.cli, config->radar.data,
-          config->depth.address};
-}
-
 struct Port {
   std::string path, missing;
   bool configured = false;
@@ -65,8 +60,10 @@ bool is_denied(const std::string& path) {
 std::vector<Port> ports(const std::optional<Config>& config, const MachineRoots& roots) {
   std::vector<std::string> expected;
   std::vector<Port> out;
-  for (const auto& address : configured_addresses(config)) {
-    expected.push_back(address);
+  if (config)
+    for (const Sensor s : all_sensors)
+      for (const std::string& address : addresses_of(*config, s)) expected.push_back(address);
+  for (const std::string& address : expected) {
     const std::string path = serial_path(address);
     if (path.empty()) continue;
     const bool usable = ::access(path.c_str(), R_OK | W_OK) == 0;

@@ -5,6 +5,7 @@
 #include <deque>
 #include <filesystem>
 #include <fstream>
+#include <iterator>
 #include <memory>
 #include <optional>
 #include <utility>
@@ -66,16 +67,25 @@ class CapturedPort {
       : loop(l),
         times_(folder, name),
         stem_(std::move(folder) + "/" + name),
-        ending_(std::move(ending)) {}
+        ending_(std::move(ending)) {
+    while (const auto line = times_.next()) lines_.push_back(*line);
+  }
   void connect() {
-    while (line_ && line_->what != "open") line_ = times_.next();
-    if (line_) line_ = times_.next();
+    while (!lines_.empty() && lines_.front().what != "open") lines_.pop_front();
+    if (!lines_.empty()) lines_.pop_front();
+    const auto end = std::ranges::find(lines_, "open", &TimesFile::Line::what);
+    accepted_ = end == lines_.end() || (end != lines_.begin() && std::prev(end)->what == "gone");
     file_.reset();
   }
+  // Returns true unless the driver of the captured run closed the connection itself, e.g. because
+  // of a damaged block.
+  bool accepted() const { return accepted_; }
   // Returns the next line of the connection; no value at its end.
   std::optional<TimesFile::Line> next() {
-    if (!line_ || line_->what == "open") return std::nullopt;
-    return std::exchange(line_, times_.next());
+    if (lines_.empty() || lines_.front().what == "open") return std::nullopt;
+    auto line = std::move(lines_.front());
+    lines_.pop_front();
+    return line;
   }
   Bytes read(std::int64_t count) {
     if (!file_) file_.emplace(stem_ + format("-%03d", ++files_) + ending_, ExitCode::failed);
@@ -90,7 +100,8 @@ class CapturedPort {
  private:
   TimesFile times_;
   std::string stem_, ending_;
-  std::optional<TimesFile::Line> line_ = times_.next();
+  std::deque<TimesFile::Line> lines_;  // lines that have not been replayed
+  bool accepted_ = false;
   // File with the bytes of the connection; opened by the first read.
   std::optional<RegularFile> file_;
   int files_ = 0;
@@ -113,7 +124,7 @@ class KeptPort final : public port::BytePort {
     wait(link_);
   }
   void write(ByteView) override {}
-  bool recorded() const override { return true; }
+  bool recorded() const override { return link_->stream.accepted(); }
 
  private:
   // State that remains valid if the port is destroyed while a handler runs.

@@ -256,6 +256,13 @@ void columns(Row& row, StoredRecord& stored) {
   columns(row, stored.blobs);
 }
 
+void insert_axis(sqlite3* db, const std::string& path, const Axis& axis) {
+  insert(db, path, axis);
+  if (axis.zones == single_pixel()) return;
+  execute(db, path, table_of<Zone>().create().c_str(), "cannot store the zones");
+  for (const Zone& zone : axis.zones) insert(db, path, zone);
+}
+
 const std::vector<const Row*>& tables() {
   static const std::vector<const Row*> all{
       &table_of<RunInfo>(),     &table_of<DeviceRow>(), &table_of<CalibrationEntry>(),

@@ -161,6 +161,9 @@ void insert(sqlite3* db, const std::string& path, const T& row, const std::strin
   insert(statement, row);
 }
 
+// Inserts an axis and, in a table of their own, the zones of a detector with several of them.
+void insert_axis(sqlite3* db, const std::string& path, const Axis& axis);
+
 // Reads the current row of a SELECT from table_of<T>(). Returns an error message; empty if the row
 // is valid.
 template <class T>

@@ -386,12 +386,7 @@ void RunWriter::leave(const std::string& status) {
 void RunWriter::reserve() const { lock_->reserve(128 << 10); }
 
 void RunWriter::put_axis(const Axis& axis) {
-  in_transaction([&] {
-    insert(db_, path_, axis);
-    if (axis.zones == single_pixel()) return;
-    execute(db_, path_, table_of<Zone>().create().c_str(), "cannot store the zones");
-    for (const Zone& zone : axis.zones) insert(db_, path_, zone);
-  });
+  in_transaction([&] { insert_axis(db_, path_, axis); });
   axes_.push_back(axis);
 }
 

@@ -137,8 +137,10 @@ ExitCode Daemon::run() {
   devices_.start();
   if (!options_.recording) {
     // Slot 0 of a raw capture has a fixed time, even if a device sends no valid data.
-    devices_.wait(options_.kept_slot ? seconds(*options_.kept_slot - settle_time - loop_.now())
-                                     : config_.connect_timeout_s);
+    double wait_s = config_.connect_timeout_s;
+    if (options_.kept_slot)
+      wait_s = std::min(wait_s, seconds(*options_.kept_slot - settle_time - loop_.now()));
+    devices_.wait(wait_s);
     devices_.refuse_misconfigured();
     require_devices();
   }

@@ -38,7 +38,6 @@ std::vector<Counter> BridgeClient::counters() const {
 
 void BridgeClient::connect() {
   port_ = opener_();
-  parser_.reset(port_->recorded());
   greeted_ = connected_ = kind_reported_ = false;
   quiet_checks_ = 0;
   blocks_seen_ = parser_.counts().blocks;
@@ -63,6 +62,7 @@ void BridgeClient::connect() {
                      fail(failure.text() +
                           (refused ? "; is its bridge running? Start " + programs_ : ""));
                    }});
+  parser_.reset(port_->recorded());
   watch();
 }
 

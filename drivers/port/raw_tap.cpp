@@ -163,27 +163,28 @@ class TapPort final : public BytePort {
         name_(std::move(name)),
         ending_(std::move(ending)) {}
   void open(PortHandlers handlers) override {
-    keeper_->note(name_, loop_.now(), "open");
     // The handlers do not capture `this`, because a running handler may destroy the port.
-    handlers.opened = [&loop = loop_, keeper = keeper_, name = name_,
-                       next = std::move(handlers.opened)] {
+    const auto note = [&loop = loop_, keeper = keeper_, name = name_](const char* what,
+                                                                      std::int64_t value = 0) {
+      keeper->note(name, loop.now(), what, value);
+    };
+    note("open");
+    handlers.opened = [&loop = loop_, note, next = std::move(handlers.opened)] {
       const HeldTime held(loop);
-      keeper->note(name, loop.now(), "opened");
+      note("opened");
       next();
     };
-    handlers.bytes = [&loop = loop_, keeper = keeper_, name = name_, ending = ending_,
+    handlers.bytes = [&loop = loop_, note, keeper = keeper_, name = name_, ending = ending_,
                       file = std::string(),
                       next = std::move(handlers.bytes)](ByteView bytes) mutable {
       const HeldTime held(loop);
       if (file.empty()) file = keeper->next_name(name, ending);
-      if (keeper->put(file, bytes))
-        keeper->note(name, loop.now(), "bytes", static_cast<std::int64_t>(bytes.size()));
+      if (keeper->put(file, bytes)) note("bytes", static_cast<std::int64_t>(bytes.size()));
       next(bytes);
     };
-    handlers.gone = [&loop = loop_, keeper = keeper_, name = name_,
-                     next = std::move(handlers.gone)](const Failure& failure) {
+    handlers.gone = [&loop = loop_, note, next = std::move(handlers.gone)](const Failure& failure) {
       const HeldTime held(loop);
-      keeper->note(name, loop.now(), "gone", failure.code.value());
+      note("gone", failure.code.value());
       next(failure);
     };
     port_->open(std::move(handlers));
