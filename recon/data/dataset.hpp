@@ -106,6 +106,9 @@ struct Dataset {
 
 // Returns the number of photons per SPD bin of a row, summed over the zones.
 std::vector<float> counts_of(const Dataset& data, std::size_t row);
+// Returns the profile of a row without the range bins that may contain transmitter leakage, or the
+// whole profile if fewer than three bins would remain.
+std::span<const float> beyond_leakage(const Column& profiles, std::size_t row);
 // Returns the width of the row's measured radar response divided by the width of the converted
 // response. Returns 1 if the response was not converted.
 double times_wider(const Dataset& data, std::size_t row);

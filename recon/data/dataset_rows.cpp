@@ -5,6 +5,7 @@
 #include <cmath>
 #include <functional>
 
+#include "acquire/measurement/radar_leakage.hpp"
 #include "drivers/util/printable.hpp"
 #include "recon/data/dataset.hpp"
 #include "recon/numbers/statistics.hpp"
@@ -41,10 +42,16 @@ Inputs inputs_of(const Dataset& data) {
 }
 
 std::vector<float> counts_of(const Dataset& data, std::size_t row) {
-  std::vector<float> out(data.spd().cols / data.spd().axis.zones.size());
-  for (auto zone = data.spd().row(row); !zone.empty(); zone = zone.subspan(out.size()))
-    std::transform(out.begin(), out.end(), zone.begin(), out.begin(), std::plus<float>());
+  std::vector<float> out(data.spd().axis.count);
+  for (auto rest = data.spd().row(row); !rest.empty(); rest = rest.subspan(out.size()))
+    std::transform(out.begin(), out.end(), rest.begin(), out.begin(), std::plus<float>());
   return out;
+}
+
+std::span<const float> beyond_leakage(const Column& profiles, std::size_t row) {
+  const auto power = profiles.row(row);
+  const std::size_t leakage = record::leakage_bins(profiles.axis);
+  return power.size() > leakage + 2 ? power.subspan(leakage) : power;
 }
 
 void drop_array(Dataset& data) { data.array() = Matrix(data.size(), 0), data.array().axis = {}; }

@@ -2,6 +2,8 @@
 // Alignment: the background learnt from the training records, and the window around the range of a
 // body. Used by align() of the method (method.hpp).
 #pragma once
+#include <algorithm>
+#include <array>
 #include <cstddef>
 #include <span>
 #include <vector>
@@ -90,6 +92,9 @@ class Alignment {
     return layout_.zones_size() > 0 ? layout_.spd.zones.size() * zone_bins() : 0;
   }
   std::size_t profile_points() const;  // number of points of a profile; 0 if the radar is missing
+  // Returns true if a view can be computed for a body at another azimuth. Zones would see it in
+  // other directions.
+  bool turns_bodies() const { return profile_points() > 0 && zone_features() == 0; }
   std::size_t array_features() const { return array_.size(); }  // 0 if there are no antennas
   // size(): number of values in a view, excluding the correlation. inputs(): number including the
   // correlation, which comes first.
@@ -97,6 +102,15 @@ class Alignment {
     return histogram_bins() + zone_features() + profile_points() + array_features() + 1;
   }
   std::size_t inputs() const { return correlation_.shifts() + size(); }
+  // Returns the index of the first value of each group of a view without the correlation, then its
+  // size: histogram and zones, profile, direction and spread of the antennas, range.
+  std::array<std::size_t, 6> groups() const {
+    const std::size_t profile = histogram_bins() + zone_features(),
+                      antennas = profile + profile_points();
+    return {0,          profile,
+            antennas,   antennas + std::min(array_features(), ArrayView::of_direction),
+            size() - 1, size()};
+  }
   AlignmentColumns columns(std::span<float> view) const { return columns_of<float>(view); }
   ViewColumns<const float> columns(std::span<const float> view) const {
     return columns_of<const float>(view);

@@ -4,6 +4,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "recon/method/method.hpp"
+#include "recon/numbers/parallel.hpp"
+
 namespace echofuse::recon {
 namespace {
 
@@ -27,6 +30,16 @@ double radar_range_m(double range_m, double baseline_m, double sine) {
 
 }  // namespace
 
+SeenBodies bodies_in(const Matrix& views, const Matrix& maps, const Rows& rows,
+                     std::span<const float> background, const record::MapGrid& grid) {
+  SeenBodies out;
+  for (const std::size_t row : rows)
+    if (const auto place = place_of(maps.row(row), background, grid);
+        place && shows_body(views.row(row)))
+      out.rows.push_back(row), out.places.push_back(*place);
+  return out;
+}
+
 RotatedBodies::RotatedBodies(const Alignment& alignment, const Matrix& inputs, const Matrix& radar,
                              const Matrix& array, const Rows& rows,
                              const std::vector<Place>& places)
@@ -37,7 +50,7 @@ RotatedBodies::RotatedBodies(const Alignment& alignment, const Matrix& inputs, c
       rows_(rows),
       places_(places),
       has_array_(alignment.array_features() > 0) {
-  if (alignment.profile_points() == 0 || alignment.zone_features() > 0) return;
+  if (!alignment.turns_bodies()) return;
   double deviation_m = 0;
   const double slope = slope_m(deviation_m), gain = displacement_gain();
   // False if all records are equal (slope 0/0), so that no body is rotated.
@@ -110,6 +123,27 @@ Place RotatedBodies::rotate(std::size_t k, Rng& rng, std::span<float> inputs) co
   const double cosine = std::sqrt(1 - to * to);
   return {static_cast<float>(to / cosine),
           static_cast<float>(double{places_[k].depth_m} * cosine / std::sqrt(1 - from * from))};
+}
+
+Matrix summed_views(const std::vector<BodySum>& sums, const Alignment& alignment,
+                    const Matrix& observations, const Matrix& radar, const SeenBodies& bodies,
+                    const RotatedBodies* rotated) {
+  Matrix out(sums.size(), alignment.size());
+  for_each_part(out.rows, [&](std::size_t i) {
+    const auto first = observations.row(sums[i][0].k);
+    std::vector<float> sum(first.begin(), first.end());
+    // A real record contains the background only once.
+    for (const BodySource& body : std::span(sums[i]).subspan(1))
+      for (std::size_t c = 0; c < sum.size(); ++c)
+        sum[c] = sum[c] + observations.row(body.k)[c] - alignment.background()[c];
+    align(sum, alignment, out.row(i));
+    if (!rotated || !shows_body(out.row(i))) return;
+    std::vector<Alignment::MovedProfile> moved;
+    for (const auto& [k, as] : sums[i])
+      moved.push_back({radar.row(bodies.rows[k]), rotated->farther_m(k, as)});
+    alignment.add_profiles(moved, out.row(i));
+  });
+  return out;
 }
 
 }  // namespace echofuse::recon

@@ -18,6 +18,15 @@
 
 namespace echofuse::recon {
 
+// Records that show a body both in the view and in the depth map.
+struct SeenBodies {
+  Rows rows;
+  std::vector<Place> places;  // position of the body in each of these rows
+};
+// Returns those of `rows` that show a body.
+SeenBodies bodies_in(const Matrix& views, const Matrix& maps, const Rows& rows,
+                     std::span<const float> background, const record::MapGrid& grid);
+
 // Training bodies, rotated about the SPD. Keeps references to the arguments of the constructor.
 class RotatedBodies {
  public:
@@ -55,5 +64,17 @@ class RotatedBodies {
   double baseline_m_ = 0, share_ = 1;
   bool rotates_ = false, has_array_ = false;
 };
+
+// Bodies that are summed to form one record: indices of a body, and of the body that provides its
+// azimuth.
+struct BodySource {
+  std::size_t k, as;
+};
+using BodySum = std::vector<BodySource>;
+// Returns the views of sums of `bodies`, without the correlation. Row k of `observations` belongs
+// to body k, and row i of `radar` to record i. `rotated` is null if no body is rotated.
+Matrix summed_views(const std::vector<BodySum>& sums, const Alignment& alignment,
+                    const Matrix& observations, const Matrix& radar, const SeenBodies& bodies,
+                    const RotatedBodies* rotated);
 
 }  // namespace echofuse::recon

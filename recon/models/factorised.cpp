@@ -69,15 +69,10 @@ void adapt_to(std::size_t records, Training& training) {
 }  // namespace
 
 Factorised::Bodies Factorised::bodies_in(const Samples& samples) const {
-  Bodies out;
-  out.views.cols = samples.inputs.cols;
-  for (const std::size_t row : samples.rows) {
-    const auto place = place_of(samples.maps.row(row), model_.background, samples.scene->grid);
-    if (!place || !shows_body(samples.inputs.row(row))) continue;
-    out.views.add_row(samples.inputs.row(row));
-    out.rows.push_back(row);
-    out.places.push_back(*place);
-  }
+  Bodies out{recon::bodies_in(samples.inputs, samples.maps, samples.rows, model_.background,
+                              samples.scene->grid),
+             {}};
+  out.views = take_rows(samples.inputs, out.rows);
   return out;
 }
 

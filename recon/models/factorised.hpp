@@ -38,11 +38,8 @@ class Factorised final : public Model {
   }
 
  private:
-  // Records that contain a body both in the view and in the map.
-  struct Bodies {
-    Matrix views;  // views that are not yet standardised
-    Rows rows;     // rows of these records in Samples
-    std::vector<Place> places;
+  struct Bodies : SeenBodies {
+    Matrix views;  // views of these rows, not yet standardised
   };
   Bodies bodies_in(const Samples& samples) const;
   void learn_scale(const Matrix& views);

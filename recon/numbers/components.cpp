@@ -16,6 +16,7 @@ namespace {
 
 constexpr std::size_t spare_directions = 10;
 constexpr int iterations = 6;
+constexpr std::size_t rows_a_component = 60;  // rows per component of ComponentDistances
 // Number of rows centred at a time, to limit the memory use.
 constexpr std::size_t max_centred = 1024;
 
@@ -108,6 +109,55 @@ void archive(Archive archive, Components& c, std::size_t columns) {
   archive.require(
       std::all_of(c.deviation.begin(), c.deviation.end(), [](float d) { return d >= 0; }),
       "deviation", "expected no negative value");
+}
+
+void ComponentDistances::fit(Matrix table, Groups groups, std::uint64_t seed) {
+  const std::size_t components = std::clamp<std::size_t>(table.rows / rows_a_component, 2, 36);
+  const auto variance = column_statistics(table, all_rows(table.rows)).variance;
+  scale_.clear();
+  for (std::size_t g = 0; g + 1 < groups.size(); ++g) {
+    double sum = 0;
+    for (std::size_t c = groups[g]; c < groups[g + 1]; ++c) sum += variance[c];
+    scale_.resize(groups[g + 1], sum > 0 ? static_cast<float>(1 / std::sqrt(sum)) : 0.f);
+  }
+  for (std::size_t i = 0; i < table.values.size(); ++i) table.values[i] *= scale_[i % table.cols];
+  components_ = principal_components(std::move(table), components, seed);
+  for (float& d : components_.deviation) d = std::max(d, 1e-6f);
+}
+
+ComponentDistances::Values ComponentDistances::operator()(std::span<const float> row,
+                                                          Groups groups) const {
+  constexpr double tiny = 1e-12;
+  using Eigen::Map, Eigen::VectorXf, Eigen::Index;
+  const auto vector = [](std::span<const float> v) {
+    return Map<const VectorXf>(v.data(), std::ssize(v));
+  };
+  const Map<const RowMajor> basis(components_.basis.values.data(), Index(components_.basis.rows),
+                                  Index(components_.basis.cols));
+  const VectorXf from_mean = vector(row).cwiseProduct(vector(scale_)) - vector(components_.mean);
+  const VectorXf amounts = basis * from_mean;
+  const VectorXf off = from_mean - basis.transpose() * amounts;
+  // T^2 = sum over the components of (amount / deviation)^2, as a sum over the columns.
+  const auto variance = vector(components_.deviation).array().square();
+  const VectorXf weights = basis.transpose() * (amounts.array() / variance).matrix();
+  Values out;
+  double sum = 0, largest = -INFINITY;
+  for (std::size_t g = 0; g + 1 < groups.size(); ++g) {
+    const auto first = Index(groups[g]), count = Index(groups[g + 1]) - first;
+    const auto along = double{weights.segment(first, count).dot(from_mean.segment(first, count))};
+    sum += along;
+    if (along > largest) largest = along, out.group = g;
+    out.log_q.push_back(std::log(double{off.segment(first, count).squaredNorm()} + tiny));
+  }
+  out.log_t2 = std::log(std::max(sum, 0.0) + tiny);
+  return out;
+}
+
+void ComponentDistances::archive(Archive archive, std::size_t columns) {
+  archive.values("scale", scale_, columns);
+  recon::archive(archive.in("components"), components_, columns);
+  archive.require(std::ranges::all_of(components_.deviation, [](float d) { return d > 0; }),
+                  "components/deviation", "expected positive values");
 }
 
 }  // namespace echofuse::recon

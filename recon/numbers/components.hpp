@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 #include <cstdint>
+#include <span>
 #include <string>
+#include <vector>
 
 #include "recon/numbers/matrix.hpp"
 #include "recon/numbers/tensor_file.hpp"
@@ -31,5 +33,26 @@ float unit_of(const Components& components);
 
 // Reads or writes the components of a table with this number of columns.
 void archive(Archive archive, Components& components, std::size_t columns);
+
+// Distances of a row from a table: T^2 along the principal components of the table, and Q, the
+// squared distance from them, of each group of columns (Jackson and Mudholkar, Technometrics 21,
+// 341, 1979). The columns are scaled so that each group has the same total variance. `groups`:
+// index of the first column of each group, followed by the number of columns.
+class ComponentDistances {
+ public:
+  using Groups = std::span<const std::size_t>;
+  struct Values {
+    std::vector<double> log_q;  // one value per group
+    double log_t2 = 0;
+    std::size_t group = 0;  // group that contributes most to T^2
+  };
+  void fit(Matrix table, Groups groups, std::uint64_t seed);
+  Values operator()(std::span<const float> row, Groups groups) const;
+  void archive(Archive archive, std::size_t columns);
+
+ private:
+  std::vector<float> scale_;  // factor of each column
+  Components components_;
+};
 
 }  // namespace echofuse::recon

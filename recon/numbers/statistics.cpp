@@ -71,6 +71,39 @@ double standard_deviation(std::span<const double> values) {
   return std::sqrt(squares / n);
 }
 
+Moments moments_of(std::span<const float> values, double (*weight)(double)) {
+  double sum = 1e-12, first = 0, second = 0, third = 0;
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    const double w = weight(double{values[i]});
+    sum += w, first += w * static_cast<double>(i);
+  }
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    const double w = weight(double{values[i]}), off = static_cast<double>(i) - first / sum;
+    second += w * off * off, third += w * off * off * off;
+  }
+  const double deviation = std::sqrt(second / sum + 1e-6);
+  return {deviation, third / sum / std::pow(deviation, 3)};
+}
+
+float peak_to_noise(std::span<const float> power) {
+  std::vector<double> sorted(power.begin(), power.end());
+  std::sort(sorted.begin(), sorted.end());
+  const std::span weaker(sorted.data(), sorted.size() / 2 + 1);
+  return static_cast<float>((sorted.back() - mean_of(weaker)) /
+                            std::max(standard_deviation(weaker), 1e-12));
+}
+
+std::vector<double> interpolated(std::span<const double> points, std::span<const double> table,
+                                 double at) {
+  std::vector<double> out(table.begin(), table.begin() + std::ssize(table) / std::ssize(points));
+  for (std::size_t k = 1; k < points.size(); ++k) {
+    const double t = std::clamp((at - points[k - 1]) / (points[k] - points[k - 1]), 0., 1.);
+    for (std::size_t c = 0; c < out.size(); ++c)
+      out[c] = std::lerp(out[c], table[k * out.size() + c], t);
+  }
+  return out;
+}
+
 double upper_limit(std::vector<float> values, double share_above) {
   constexpr double tail = 0.05;
   const double start = double{quantile(values, 1 - tail)};

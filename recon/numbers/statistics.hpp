@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include <cmath>
 #include <span>
 #include <utility>
 #include <vector>
@@ -36,12 +37,28 @@ double fisher_z(double correlation);
 // value.
 double standard_deviation(std::span<const double> values);
 
+// Standard deviation, in points, and skewness of a distribution over points. `weight` converts the
+// value of a point to its weight.
+struct Moments {
+  double deviation = NAN, skewness = NAN;
+};
+Moments moments_of(std::span<const float> values, double (*weight)(double));
+
 // Returns the value below which the fraction `share` of the values lies (0.5: the median). Reorders
 // the values.
 float quantile(std::span<float> values, double share);
 
 // Subtracts the median in place; does nothing if there are no values.
 void subtract_median(std::span<float> values);
+
+// Returns the height of a profile's peak above the mean of its weaker half, divided by the standard
+// deviation of that half.
+float peak_to_noise(std::span<const float> power);
+
+// Interpolates linearly between the rows of a table, which belong to ascending points. The result
+// is constant beyond them.
+std::vector<double> interpolated(std::span<const double> points, std::span<const double> table,
+                                 double at);
 
 // Returns the limit exceeded by the fraction `share_above` of all values. Fits an exponential tail
 // to the largest 5 % of the values, so that a few hundred values are enough.

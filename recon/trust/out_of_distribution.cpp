@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
 #include "recon/trust/out_of_distribution.hpp"
 
-#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <iterator>
@@ -13,96 +12,66 @@
 #include "recon/data/split.hpp"
 #include "recon/method/method.hpp"
 #include "recon/numbers/statistics.hpp"
-#include "recon/trust/record_numbers.hpp"
 
 namespace echofuse::recon {
 namespace {
 
 constexpr std::uint64_t held_stream = 0x68656c64;  // "held" in ASCII
-constexpr std::size_t max_components = 36, rows_a_component = 60;
-// Number of folds if there are fewer than `many_records` records, and if there are more. The limits
-// of T^2 and Q are set by all folds, because the tail of one fold has too few records. The
-// detection of two bodies is slow to train; if there are at least `few_records` records, its limit
-// is set by the last fold only.
-constexpr std::size_t folds_of_few = 4, folds_of_many = 10;
-constexpr std::size_t few_records = 400, many_records = 3000;
-// Allowed false alarm rate of T^2, of the detection of two bodies, and of the Q statistics of all
-// groups together.
-constexpr double above_limit = 0.002;
+// All folds set the limits of T^2 and Q, because the tail of one fold has too few records. The
+// detection of two bodies is slow to train: with at least `few_records` records, only the last fold
+// sets its limit. With `many_records` records, there are `folds_of_many`.
+constexpr std::size_t folds_of_few = 4, folds_of_many = 10, few_records = 400, many_records = 3000;
+// Allowed false alarm rate of T^2, of two bodies, and of the Q of all groups together.
+constexpr double rate = 0.002, q_rate = rate / 6;
+constexpr std::array rates{q_rate, q_rate, q_rate, q_rate, q_rate, q_rate, rate, rate};
 constexpr double no_body_log_odds = -30;  // log odds of two bodies if a record shows no body
 // Margin of the range limits, as a fraction of the training span.
 constexpr double range_reserve = 0.05;
-// A record can be saturated only if its clicks per pulse exceed this factor times the maximum in
-// training.
+// Limit of the clicks per pulse, as a factor of the maximum in training.
 constexpr double clicks_reserve = 1.25;
-// A record without a body is unusual if more than this fraction of the training records show a
-// body.
+// A record without a body is unusual if more than this fraction of the training records show one.
 constexpr double nearly_all_records = 0.99;
 
-// Reason that is reported if a group of values is unusual.
-constexpr std::array unusual{"unusual histogram",
-                             "unusual radar profile",
-                             "unusual samples of the radar's antennas",
-                             "unusual samples of the radar's antennas",
-                             "unusual range",
-                             "unusual radar profile"};
-
-// Returns the rows in random order, because records of the same run or kind are contiguous.
-Rows shuffled(std::size_t rows, Rng& rng) {
-  Rows out = all_rows(rows);
-  std::shuffle(out.begin(), out.end(), rng);
+std::vector<double> learnt_numbers(const RecordValues& m) {
+  std::vector<double> out;
+  for (const RecordNumber& number : std::span(record_numbers).subspan(first_learnt))
+    out.push_back(number.of(m));
   return out;
-}
-
-// Returns the rows of `part` that show a body, or all rows of `part` if only a few show a body.
-Rows usual_rows(Rows part, const Rows& with_body) {
-  std::sort(part.begin(), part.end());
-  Rows out;
-  std::ranges::set_intersection(part, with_body, std::back_inserter(out));
-  return out.size() < OutOfDistributionDetector::min_records / 2 ? part : out;
 }
 
 }  // namespace
 
 void OutOfDistributionDetector::use(const Features& sensors, const Alignment& alignment) {
-  std::array<std::size_t, groups> sizes{};
-  if (sensors.spd_count() > 0) {
-    const std::size_t array = alignment.array_features();
-    sizes[histogram] = alignment.histogram_bins() + alignment.zone_features();
-    sizes[radar] = alignment.profile_points();
-    sizes[direction] = std::min(array, ArrayView::of_direction);
-    sizes[spread] = array - sizes[direction], sizes[range] = 1;
-  }
-  sizes[profile] = sensors.radar_count();
-  for (std::size_t g = 0; g < groups; ++g) first_[g + 1] = first_[g] + sizes[g];
-}
-
-bool OutOfDistributionDetector::shows_body(std::span<const float> description) const {
-  return first_[range + 1] == 0 || description[first_[range]] != 0;
+  if (sensors.spd_count() > 0) std::ranges::copy(alignment.groups(), first_.begin());
+  first_[groups] = first_[profile] + sensors.radar_count();
 }
 
 Rows OutOfDistributionDetector::learn_ranges(const Matrix& descriptions) {
   Rows out;
+  std::vector<double> ranges_m;
   for (std::size_t i = 0; i < descriptions.rows; ++i) {
-    if (!shows_body(descriptions.row(i))) continue;
-    // If the SPD is missing, this value is not a range, and the range limits are not used.
+    // Without an SPD, this value is not a range, and the limits are not used.
     const auto range_m = double{descriptions.row(i)[first_[range]]};
-    nearest_m_ = out.empty() ? range_m : std::min(nearest_m_, range_m);
-    farthest_m_ = out.empty() ? range_m : std::max(farthest_m_, range_m);
-    out.push_back(i);
+    if (range_m != 0 || first_[profile] == 0) out.push_back(i), ranges_m.push_back(range_m);
   }
-  const double reserve_m = range_reserve * (farthest_m_ - nearest_m_);
-  nearest_m_ -= reserve_m, farthest_m_ += reserve_m;
+  if (out.empty()) return out;
+  const auto [nearest_m, farthest_m] = std::ranges::minmax(ranges_m);
+  const double reserve_m = range_reserve * (farthest_m - nearest_m);
+  nearest_m_ = nearest_m - reserve_m, farthest_m_ = farthest_m + reserve_m;
   return out;
 }
 
-Matrix OutOfDistributionDetector::describe_all(const Dataset& data, const Features& sensors,
-                                               const Alignment& alignment) const {
-  const Rows rows = all_rows(data.size());
-  const Matrix views = sensors.spd_count() > 0 ? align(observe(data, rows, sensors), alignment)
-                                               : Matrix(rows.size(), 0);
-  Matrix out(0, first_[groups]);
-  for (const std::size_t i : rows) out.add_row(describe(views.row(i), data, i));
+Matrix OutOfDistributionDetector::describe(const Matrix& views, const Dataset& data,
+                                           const Rows& rows) const {
+  Matrix out(rows.size(), first_[groups]);
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    std::ranges::copy(views.row(i).last(first_[profile]), out.row(i).begin());
+    const auto whole = out.row(i).subspan(first_[profile]);
+    if (whole.empty()) continue;
+    const auto power = beyond_leakage(data.radar(), rows[i]);
+    std::ranges::copy(power, whole.last(power.size()).begin());
+    normalise(whole);
+  }
   return out;
 }
 
@@ -113,218 +82,125 @@ OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
   const Features sensors = fit_features(
       data, rows, alignment.array_features() > 0 ? inputs : without_antennas(inputs), raw_scaling);
   use(sensors, alignment);
-  Matrix all(0, first_[groups]);
-  for (std::size_t i = 0; i < rows.size(); ++i) {
-    all.add_row(describe(views.row(rows[i]), data, rows[i]));
-    max_clicks_per_start_ = std::max(max_clicks_per_start_, data.records[rows[i]].clicks_per_pulse);
-  }
+  const bool has_spd = sensors.spd_count() > 0;
+  const Matrix all = describe(take_rows(views, rows), data, rows);
+  for (const std::size_t row : rows)
+    max_clicks_per_start_ = std::max(max_clicks_per_start_, data.records[row].clicks_per_pulse);
   const Rows with_body = learn_ranges(all);
   share_with_body_ = static_cast<double>(with_body.size()) / static_cast<double>(rows.size());
+  const auto rows_of = [&](Rows part) {
+    for (std::size_t& i : part) i = rows[i];
+    return part;
+  };
   // Records labelled as two people must not define what a single body looks like.
   const auto shows_two = [&](std::size_t i) {
     return data.records[rows[i]].label == two_people_label;
   };
-  const auto learn = [&](const Rows& part, bool with_two_bodies) {
-    Rows usual = usual_rows(part, with_body);
-    learn_components(take_rows(all, usual), seed);
+  const auto learn = [&](Rows part, bool learns_two) {
+    Rows usual;
+    std::ranges::sort(part);
+    std::ranges::set_intersection(part, with_body, std::back_inserter(usual));
+    if (usual.size() < min_records / 2) usual = part;
+    distances_.fit(take_rows(all, usual), first_, seed);
     std::erase_if(usual, shows_two);
-    for (std::size_t& i : usual) i = rows[i];
-    if (with_two_bodies)
-      two_bodies_ = learn_two_bodies(alignment, sensors, data, usual, scene, seed);
+    if (has_spd && learns_two)
+      two_bodies_ = learn_two_bodies(alignment, sensors, data, views, rows_of(usual), scene, seed);
   };
   Rng rng = make_rng(seed, held_stream);
-  const Rows order = shuffled(rows.size(), rng);
+  Rows order = all_rows(rows.size());  // shuffled, because similar records are contiguous
+  std::shuffle(order.begin(), order.end(), rng);
   const bool few = rows.size() < few_records;
-  const bool has_spd = sensors.spd_count() > 0;
   const std::size_t parts = rows.size() < many_records ? folds_of_few : folds_of_many;
-  std::vector<StatisticValues> held;
-  std::vector<bool> without_two;  // records that do not set the limit of two bodies
   const WiderRadars wider(data, rows, inputs);
-  std::vector<std::vector<StatisticValues>> held_converted(wider.size());
+  // Numbers of held-out records, unconverted and with each wider radar.
+  std::vector<Matrix> held(1 + wider.size(), Matrix(0, numbers));
   for (std::size_t part = 0; part < parts; ++part) {
     const Split fold = make_fold(order, part, parts, 0);
     const bool learns_two = few || part + 1 == parts;
-    learn(fold.train, has_spd && learns_two);
-    for (const std::size_t i : fold.test)
-      held.push_back(find(all.row(i))), without_two.push_back(!learns_two || shows_two(i));
-    for (std::size_t k = 0; k < wider.size(); ++k) {
-      Rows some;
-      for (const std::size_t i : fold.test) some.push_back(rows[i]);
-      const Matrix converted = describe_all(wider.imitated(k, data, some, rng), sensors, alignment);
-      for (std::size_t i = 0; i < converted.rows; ++i)
-        held_converted[k].push_back(find(converted.row(i)));
+    learn(fold.train, learns_two);
+    for (std::size_t k = 0; k < held.size(); ++k) {
+      const Matrix descriptions =
+          k == 0
+              ? take_rows(all, fold.test)
+              : describe(wider.imitated(k - 1, data, rows_of(fold.test), rng), sensors, alignment);
+      for (std::size_t i = 0; i < descriptions.rows; ++i) {
+        const std::vector<double> found = learnt_numbers(measure(descriptions.row(i)));
+        held[k].add_row(std::vector<float>(found.begin(), found.end()));
+        // The log odds of two bodies do not always set the limit.
+        if (!learns_two || shows_two(fold.test[i])) held[k].row(held[k].rows - 1)[two] = NAN;
+      }
     }
   }
-  if (few) learn(order, has_spd);
-  limits_ = limits_of(held, without_two);
-  for (std::size_t k = 0; k < wider.size(); ++k)
-    converted_.push_back({wider.times_wider(k), limits_of(held_converted[k], without_two)});
+  if (few) learn(order, true);
+  for (std::size_t k = 0; k < held.size(); ++k)
+    limits_.add(k == 0 ? 1 : wider.times_wider(k - 1), held[k], rates);
 }
 
-std::vector<float> OutOfDistributionDetector::describe(std::span<const float> view,
-                                                       const Dataset& data, std::size_t row) const {
-  std::vector<float> out(first_[groups]);
-  std::ranges::copy(view.last(first_[range + 1]), out.begin());
-  const auto whole = std::span(out).subspan(first_[profile]);
-  if (whole.empty()) return out;
-  const auto power = beyond_leakage(data.radar(), row);
-  std::ranges::copy(power, whole.last(power.size()).begin());
-  normalise(whole);
-  return out;
+Matrix OutOfDistributionDetector::describe(const Dataset& data, const Features& sensors,
+                                           const Alignment& alignment) const {
+  const Rows all = all_rows(data.size());
+  return describe(sensors.spd_count() > 0 ? align(observe(data, all, sensors), alignment)
+                                          : Matrix(all.size(), 0),
+                  data, all);
 }
 
-// Learns the principal components of the descriptions, scaled so that each group has the same total
-// variance.
-void OutOfDistributionDetector::learn_components(const Matrix& descriptions, std::uint64_t seed) {
-  const auto variance = column_statistics(descriptions, all_rows(descriptions.rows)).variance;
-  scale_.clear();
-  for (std::size_t g = 0; g < groups; ++g) {
-    double sum = 0;
-    for (std::size_t c = first_[g]; c < first_[g + 1]; ++c) sum += variance[c];
-    scale_.resize(first_[g + 1], sum > 0 ? static_cast<float>(1 / std::sqrt(sum)) : 0.f);
-  }
-  Matrix scaled = descriptions;
-  for (std::size_t i = 0; i < scaled.values.size(); ++i)
-    scaled.values[i] *= scale_[i % scaled.cols];
-  const std::size_t count =
-      std::clamp<std::size_t>(scaled.rows / rows_a_component, 2, max_components);
-  components_ = principal_components(std::move(scaled), count, seed);
-  for (float& d : components_.deviation) d = std::max(d, 1e-6f);
-}
-
-OutOfDistributionDetector::StatisticValues OutOfDistributionDetector::find(
-    std::span<const float> description) const {
-  constexpr double tiny = 1e-12;
-  using Eigen::Map, Eigen::VectorXf, Eigen::Index;
-  using Basis = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-  const auto vector = [](std::span<const float> v) {
-    return Map<const VectorXf>(v.data(), std::ssize(v));
-  };
-  const Map<const Basis> basis(components_.basis.values.data(), Index(components_.basis.rows),
-                               Index(components_.basis.cols));
-  const VectorXf from_mean =
-      vector(description).cwiseProduct(vector(scale_)) - vector(components_.mean);
-  const VectorXf amounts = basis * from_mean;
-  const VectorXf off = from_mean - basis.transpose() * amounts;
-  // T^2 = sum over the components of (amount / deviation)^2. The group that contributes most to
-  // this sum gives the reason.
-  const auto variance = vector(components_.deviation).array().square();
-  const VectorXf weights = basis.transpose() * (amounts.array() / variance).matrix();
-  StatisticValues out{{}, histogram};
-  double sum = 0, largest = -INFINITY;
-  for (std::size_t g = 0; g < groups; ++g) {
-    const auto first = Index(first_[g]), count = Index(first_[g + 1]) - first;
-    const auto along = double{weights.segment(first, count).dot(from_mean.segment(first, count))};
-    sum += along;
-    if (along > largest) largest = along, out.along = static_cast<Group>(g);
-    out.values[g] = std::log(double{off.segment(first, count).squaredNorm()} + tiny);
-  }
-  out.values[t2] = std::log(std::max(sum, 0.0) + tiny);
-  out.values[two] = two_bodies_.known() && shows_body(description)
-                        ? two_bodies_(description.first(first_[range + 1]))
-                        : no_body_log_odds;
-  return out;
-}
-
-OutOfDistributionDetector::Limits OutOfDistributionDetector::limits_of(
-    const std::vector<StatisticValues>& held, const std::vector<bool>& without_two) {
-  Limits out;
-  for (std::size_t s = 0; s < statistics; ++s) {
-    std::vector<float> values;
-    for (std::size_t i = 0; i < held.size(); ++i)
-      if (s != two || !without_two[i]) values.push_back(static_cast<float>(held[i].values[s]));
-    if (values.empty()) continue;  // empty if all records show two people
-    const double usual = double{quantile(values, 0.5)};
-    const double above = above_limit / (s < groups ? static_cast<double>(groups) : 1.);
-    out[s] = {usual, std::max(upper_limit(std::move(values), above), usual + 1e-6)};
-  }
-  return out;
-}
-
-OutOfDistributionDetector::Limits OutOfDistributionDetector::limits_for(double times_wider) const {
-  Limits out = limits_;
-  double from = 1;
-  for (const LimitsAtWidth& next : converted_) {
-    const double t = std::clamp((times_wider - from) / (next.times_wider - from), 0., 1.);
-    for (std::size_t s = 0; s < statistics; ++s)
-      out[s] = {std::lerp(out[s].usual, next.limits[s].usual, t),
-                std::lerp(out[s].limit, next.limits[s].limit, t)};
-    from = next.times_wider;
-  }
+RecordValues OutOfDistributionDetector::measure(std::span<const float> description) const {
+  RecordValues out;
+  out.distances = distances_(description, first_);
+  out.two_bodies = no_body_log_odds;
+  if (first_[profile] > 0) out.range_m = double{description[first_[range]]};
+  out.empty = out.range_m == 0;
+  if (out.empty)
+    out.range_m = NAN;
+  else if (two_bodies_.known())
+    out.two_bodies = two_bodies_(description.first(first_[profile]));
   return out;
 }
 
 std::vector<OutOfDistributionScore> OutOfDistributionDetector::score(const Matrix& views,
                                                                      const Dataset& data,
                                                                      const Rows& rows) const {
-  const bool has_spd = first_[range + 1] > 0;
+  const Matrix descriptions = describe(views, data, rows);
   std::vector<OutOfDistributionScore> out;
   for (std::size_t i = 0; i < rows.size(); ++i) {
-    const auto description = describe(views.row(i), data, rows[i]);
-    const StatisticValues found = find(description);
-    const Limits limits = limits_for(times_wider(data, rows[i]));
-    OutOfDistributionScore s{limits[t2].share(found.values[t2]),
-                             two_bodies_.known() ? limits[two].share(found.values[two]) : NAN,
-                             {},
-                             {}};
-    Group group = found.along;
+    RecordValues m = measure(descriptions.row(i));
+    if (first_[profile] > 0) m.clicks_per_pulse = data.records[rows[i]].clicks_per_pulse;
+    auto share = limits_.shares(learnt_numbers(m), times_wider(data, rows[i]));
     for (std::size_t g = 0; g < groups; ++g)
-      if (const double q = limits[g].share(found.values[g]);
-          first_[g + 1] > first_[g] && q > s.distance)
-        s.distance = q, group = static_cast<Group>(g);
-    const bool has_range = has_spd && shows_body(description);
-    const double range_m = has_range ? double{description[first_[range]]} : 0;
-    const double clicks = data.records[rows[i]].clicks_per_pulse;
-    if (has_spd && !has_range && share_with_body_ > nearly_all_records)
-      s.reason = "empty";
-    else if (has_spd && clicks > record::max_clicks_per_pulse &&
-             clicks > clicks_reserve * max_clicks_per_start_)
-      s.reason = "saturated", s.details = format("%.2f clicks per laser pulse", clicks);
-    else if (has_range && (range_m < nearest_m_ || range_m > farthest_m_))
-      s.reason = "outside the training records' distances", s.details = format("%.2f m", range_m);
-    else if (s.two_bodies > 1 && s.two_bodies > s.distance)
-      s.reason = "two bodies, or one unlike the training records'";
-    else if (s.distance > 1)
-      s.reason = unusual[group];
+      if (first_[g + 1] == first_[g]) share[g] = NAN;
+    if (!two_bodies_.known()) share[two] = NAN;
+    std::size_t most = t2;
+    for (std::size_t s = 0; s < groups; ++s)
+      if (share[s] > share[most]) most = s;
+    OutOfDistributionScore s{share[most], share[two], {}, {}};
+    if (share[two] > share[most]) most = two;
+    const std::array beyond{m.empty > 0 && share_with_body_ > nearly_all_records,
+                            m.clicks_per_pulse > std::max(record::max_clicks_per_pulse,
+                                                          clicks_reserve * max_clicks_per_start_),
+                            m.range_m < nearest_m_ || m.range_m > farthest_m_};
+    const auto first = static_cast<std::size_t>(std::ranges::find(beyond, true) - beyond.begin());
+    // T^2 has the name of the group that contributes most to it.
+    const std::size_t flag = first < beyond.size() ? run_numbers + first
+                             : share[most] > 1
+                                 ? first_learnt + (most == t2 ? m.distances.group : most)
+                                 : record_number_count;
+    if (flag < record_number_count) {
+      const RecordNumber& number = record_numbers[flag];
+      s.reason = number.name;
+      if (number.unit) s.details = format("%.2f%s", number.of(m), number.unit);
+    }
     out.push_back(std::move(s));
   }
   return out;
 }
 
-void OutOfDistributionDetector::archive(Archive archive, Limits& limits) {
-  std::vector<double> values;
-  for (const Limit& l : limits) values.push_back(l.usual), values.push_back(l.limit);
-  archive.values("limits", values, 2 * statistics);
-  for (std::size_t s = 0; s < statistics; ++s) {
-    limits[s] = {values[2 * s], values[2 * s + 1]};
-    archive.require(limits[s].limit >= limits[s].usual, "limits",
-                    "expected a limit above the median");
-  }
-}
-
 void OutOfDistributionDetector::archive(Archive archive, const Features& of_model,
                                         const Alignment& alignment) {
   use(of_model, alignment);
-  const std::size_t values = first_[groups];
-  archive.values("scale", scale_, values);
-  recon::archive(archive.in("components"), components_, values);
-  archive.require(std::ranges::all_of(components_.deviation, [](float d) { return d > 0; }),
-                  "components/deviation", "expected positive values");
+  distances_.archive(archive, first_[groups]);
   Archive of_two = archive.in("two_bodies");
-  if (of_two.part("known", two_bodies_.known())) two_bodies_.archive(of_two, first_[range + 1]);
-  OutOfDistributionDetector::archive(archive, limits_);
-  std::size_t converted = converted_.size();
-  archive.count("brought", converted, 0, 16);
-  converted_.resize(converted);
-  double narrower = 1;
-  for (std::size_t k = 0; k < converted; ++k) {
-    Archive one = archive.in("brought_" + std::to_string(k));
-    double& times_wider = converted_[k].times_wider;
-    one.number("times_wider", times_wider, 1, 1e3);
-    archive.require(times_wider > narrower, "times_wider", "expected ascending values above 1");
-    narrower = times_wider;
-    OutOfDistributionDetector::archive(one, converted_[k].limits);
-  }
+  if (of_two.part("known", two_bodies_.known())) two_bodies_.archive(of_two, first_[profile]);
+  limits_.archive(archive, numbers);
   archive.number("nearest_m", nearest_m_, -1e18, 1e18);
   archive.number("farthest_m", farthest_m_, -1e18, 1e18);
   archive.number("most_clicks_per_start", max_clicks_per_start_, 0, 1e18);

@@ -12,7 +12,6 @@
 #include "recon/numbers/blas.hpp"
 #include "recon/numbers/parallel.hpp"
 #include "recon/numbers/statistics.hpp"
-#include "recon/trust/record_numbers.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -122,7 +121,7 @@ void LateralError::fit(const Matrix& predictors, const std::vector<double>& erro
       if (counts[i] == 0)
         ratios.push_back(error_m[known[i]] / std::exp(product(terms.row(i), weights)));
   }
-  factor_ = factor_of(std::move(ratios));
+  factors_ = {factor_of(std::move(ratios))};
 }
 
 void LateralError::add_converted(double times_wider, const Matrix& predictors,
@@ -132,36 +131,32 @@ void LateralError::add_converted(double times_wider, const Matrix& predictors,
     if (!std::isnan(error_m[i]))
       ratios.push_back(error_m[i] / std::exp(product(terms_of(predictors.row(i)), weights_)));
   if (ratios.size() < min_records) return;
-  converted_times_wider_.push_back(times_wider);
-  converted_factor_.push_back(factor_of(std::move(ratios)));
-}
-
-double LateralError::factor_for(double times_wider) const {
-  double out = factor_, from = 1;
-  for (std::size_t k = 0; k < converted_factor_.size(); ++k) {
-    const double t = std::clamp((times_wider - from) / (converted_times_wider_[k] - from), 0., 1.);
-    out = std::lerp(out, converted_factor_[k], t), from = converted_times_wider_[k];
-  }
-  return out;
+  times_wider_.push_back(times_wider);
+  factors_.push_back(factor_of(std::move(ratios)));
 }
 
 double LateralError::operator()(std::span<const float> predictors, double times_wider) const {
   if (weights_.empty() || std::isnan(predictors.front()))
     return std::numeric_limits<double>::quiet_NaN();
-  return factor_for(times_wider) * std::exp(product(terms_of(predictors), weights_));
+  return interpolated(times_wider_, factors_, times_wider)[0] *
+         std::exp(product(terms_of(predictors), weights_));
 }
 
 void LateralError::archive(Archive archive, std::size_t predictors) {
   if (!archive.part("known", !weights_.empty())) return;
   const std::size_t n = predictors;
-  archive.number("factor", factor_, 0, 1e18);
-  std::size_t converted = converted_factor_.size();
+  factors_.resize(std::max<std::size_t>(factors_.size(), 1));
+  archive.number("factor", factors_[0], 0, 1e18);
+  std::size_t converted = factors_.size() - 1;
   archive.count("brought", converted, 0, 16);
-  archive.values("brought_times_wider", converted_times_wider_, converted);
-  archive.values("brought_factor", converted_factor_, converted);
-  for (std::size_t k = 0; k < converted; ++k)
-    archive.require(converted_times_wider_[k] > (k > 0 ? converted_times_wider_[k - 1] : 1) &&
-                        converted_factor_[k] >= 0,
+  const auto put = [&](const char* name, std::vector<double>& of) {
+    std::vector<double> more(of.begin() + 1, of.end());
+    archive.values(name, more, converted);
+    of.resize(1), of.insert(of.end(), more.begin(), more.end());
+  };
+  put("brought_times_wider", times_wider_), put("brought_factor", factors_);
+  for (std::size_t k = 1; k <= converted; ++k)
+    archive.require(times_wider_[k] > times_wider_[k - 1] && factors_[k] >= 0,
                     "brought_times_wider", "expected ascending values above 1");
   archive.values("weights", weights_, (n + 1) * (n + 2) / 2);
   archive.values("least", minimum_, n);

@@ -65,12 +65,11 @@ class LateralError {
 
  private:
   std::vector<float> terms_of(std::span<const float> predictors) const;
-  double factor_for(double times_wider) const;
 
   std::vector<float> minimum_, maximum_;  // smallest and largest value of each predictor
   std::vector<double> weights_;
-  double factor_ = 0;
-  std::vector<double> converted_times_wider_, converted_factor_;
+  // Factors of unconverted records and of each wider response.
+  std::vector<double> times_wider_ = {1}, factors_;
 };
 
 struct PredictionUncertainty {

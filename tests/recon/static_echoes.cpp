@@ -116,10 +116,29 @@ TEST_CASE("the message of a run names a range difference and whether most record
   CHECK(shift.found());
   CHECK_THAT(shift.text(), Catch::Contains("radar ranges are 2.1 +- 0.2 cm too long") &&
                                Catch::Contains("--range-offset 0.021"));
-  shift = {
-      .records = 100, .p = 1e-4, .differences = {{"range +2.0 +- 0.1 cm", 20}}, .advice = "use X"};
+  shift = {.records = 100, .p = 1e-4, .differences = {{"range +2.0 +- 0.1 cm", 20, "use X"}}};
   CHECK_THAT(shift.text(), Catch::EndsWith("p < 0.001: range +2.0 +- 0.1 cm; use X"));
-  shift.assessed = 100, shift.flagged = 60, shift.reason = "two bodies";
+  shift.assessed = 100, shift.flagged = 60, shift.reason = "unusual range";
   CHECK_THAT(shift.text(),
-             Catch::Contains("60 of 100 records are unusual (most: two bodies); p < "));
+             Catch::Contains("60 of 100 records are unusual (most: unusual range); p < ") &&
+                 Catch::EndsWith("; use X"));
+}
+
+TEST_CASE("the advice of a run is that of the largest differences, or of the most frequent flag") {
+  DomainShift shift{.records = 100,
+                    .p = 1e-4,
+                    .differences = {{"range +2.0 cm", 20}, {"radar range +1.0 cm", 6, "use X"}},
+                    .assessed = 100,
+                    .flagged = 60};
+  for (const RecordNumber& number : record_numbers) {
+    shift.reason = number.name;
+    CAPTURE(shift.reason);
+    const std::string advice = number.advice;
+    CHECK_THAT(shift.text(),
+               Catch::EndsWith("range +1.0 cm" + (advice.empty() ? "" : "; " + advice)));
+  }
+  shift.differences[1].standard_errors = 7;
+  CHECK_THAT(shift.text(), Catch::EndsWith("radar range +1.0 cm; use X"));
+  shift.flagged = 50, shift.differences[1].standard_errors = 6;
+  CHECK_THAT(shift.text(), Catch::EndsWith("p < 0.001: range +2.0 cm, radar range +1.0 cm"));
 }
