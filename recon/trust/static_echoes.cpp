@@ -100,13 +100,10 @@ StaticFit fit_from(const SensorEchoes& known, const Rows& bins, const Part& foun
   return out;
 }
 
-// Returns the best fit from at most 21 whole shifts up to `max_m`. Returns the misfit 1 if there
-// are too few static bins.
-StaticFit fit(const SensorEchoes& known, const Part& found, double step_m) {
+// Returns the best fit from at most 21 whole shifts up to `max_m`.
+StaticFit fit(const SensorEchoes& known, const Rows& bins, const Part& found, double step_m) {
   constexpr double max_m = 0.15;
   StaticFit best;
-  const Rows bins = static_bins(known);
-  if (bins.size() < min_bins) return best;
   const double max_shift = std::floor(max_m / step_m),
                apart = std::max(1., std::ceil(max_shift / 10));
   for (double k = -std::floor(max_shift / apart); k * apart <= max_shift; ++k)
@@ -140,11 +137,14 @@ std::optional<RangeDifference> StaticEchoes::compare(const Dataset& data, const 
   if (!known() || rows.size() < min_records) return {};
   const Matrix counts = table_of(data, rows, true), power = table_of(data, rows, false);
   if (counts.cols != spd_.median.size() || power.cols != radar_.median.size()) return {};
+  const Rows spd_bins = static_bins(spd_), radar_bins = static_bins(radar_);
+  if (std::min(spd_bins.size(), radar_bins.size()) < min_bins) return {};
   const double spd_step_m = data.spd().axis.step / ps_per_m, radar_step_m = data.radar().axis.step;
   // Returns the difference that these rows show, and sets the larger misfit of the two sensors.
   const auto difference_m = [&](const Rows& some, double& misfit) {
-    const StaticFit spd = fit(spd_, column_quantile(counts, some, 0.5), spd_step_m),
-                    radar = fit(radar_, column_quantile(power, some, 0.5), radar_step_m);
+    const StaticFit spd = fit(spd_, spd_bins, column_quantile(counts, some, 0.5), spd_step_m),
+                    radar =
+                        fit(radar_, radar_bins, column_quantile(power, some, 0.5), radar_step_m);
     misfit = spd.found() && radar.found() ? std::max(spd.misfit, radar.misfit) : 1;
     return radar.shift_bins * radar_step_m - spd.shift_bins * spd_step_m;
   };
