@@ -96,7 +96,7 @@ wings = {
                  r"/response", 15),
     "empty room": (r"empty_room|EmptyRoom|--empty", r"/empty_room\.|^sim/", 7),
     "verdict": (r"[Vv]erdict", r"/verdicts?\.", 23),
-    "zones": (r"[Zz]one|histograms_of", r"/zone(_fields)?\.", 40),
+    "zones": (r"[Zz]one|histograms_of", r"/zone(_fields)?\.", 31),
     "calibration": (r"[Cc]alibrat", r"/calibrat", 37),
     "antennas": (r"[Aa]ntenna|RadarArray|radar_array", r"array|antenna", 73),
     "trust": (r"[Oo]ut_?[Oo]f_?[Dd]istribution|[Dd]omain_?[Ss]hift|[Uu]ncertainty|[Pp]ixel_?[Ee]rror", r"^recon/trust/", 22),

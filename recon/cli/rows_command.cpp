@@ -126,7 +126,7 @@ Command add_rows(CLI::App& app, const Common& common) {
     TrainSettings settings(*a);
     take(a->assignments, settings);
     a->split.seed = a->fit.seed;
-    a->model = usual_model(inputs_of(a->inputs));
+    a->model = usual_model(both_sensors(inputs_of(a->inputs)));
     if (!a->model_file.empty())
       for (const char* option : {"--inputs", "--seed", "--split", "--set"})
         if (app.get_option(option)->count() > 0)

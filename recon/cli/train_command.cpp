@@ -101,7 +101,7 @@ TrainedModel tune_model(const Arguments& a, bool test_share_given) {
 
 Dataset load_to_train(Arguments& a, double radar_bin_m) {
   Dataset data = load_runs(a);
-  if (a.model.empty()) a.model = usual_model(inputs_of(a.inputs), data.spd().axis.zones.size());
+  if (a.model.empty()) a.model = usual_model(shows_sides(data, inputs_of(a.inputs)));
   if (!a.empty.empty() && a.model != "auto" && !wants_alignment(candidate_of(a.model, {}).model))
     throw Error(ExitCode::usage, "--empty: " + a.model +
                                      " does not use a background; use a factorised or mean-shape "
@@ -177,9 +177,8 @@ Command add_train(CLI::App& app, const Common& common) {
          "kind of model, one of: " + model_help() +
              ", or auto (the cheapest model within one standard error of the best model); N is the "
              "number of components, of units in a hidden layer, or of neighbours; default: " +
-             usual_model(Inputs::fused) +
-             " if the runs have both sensors or a detector with zones, otherwise " +
-             usual_model(Inputs::spd))
+             usual_model(true) + " if the runs have " + needs_of_sides + "; otherwise " +
+             usual_model(false))
       ->check([](const std::string& text) { return text == "auto" ? "" : is_candidate(text); });
   app.add_option("--from", a->from,
                  "fine-tune this model on the given runs, e.g. for a new room; at least 10 records "

@@ -10,6 +10,7 @@
 #include "drivers/core/axis.hpp"
 #include "drivers/core/sensor.hpp"
 #include "recon/numbers/matrix.hpp"
+#include "recon/numbers/tensor_file.hpp"
 
 namespace echofuse::recon {
 
@@ -61,11 +62,17 @@ struct ObservationParts {
   std::span<T> counts, power, lags, zones;
 };
 
+// Condition of Layout::shows_sides(), for messages.
+inline const std::string needs_of_sides = "both sensors, or a detector with zones";
+
 // Axes of the sensors that a model uses; an axis has count 0 if its sensor is not used.
 struct Layout {
   ColumnAxis spd = {}, radar = {}, array = {};
 
   std::size_t zones_size() const { return spd.zones.size() > 1 ? spd.size() : 0; }
+  // Returns true if left and right can be distinguished: by the difference between the ranges of
+  // two sensors, or by the zones of the detector.
+  bool shows_sides() const { return spd.count > 0 && (radar.count > 0 || zones_size() > 0); }
   // Returns the number of values of an observation.
   std::size_t inputs() const { return spd.count + radar.size() + array.size() + zones_size(); }
   template <class T>
@@ -75,5 +82,7 @@ struct Layout {
             observation.last(zones_size())};
   }
 };
+
+void archive(Archive archive, Layout& axes);
 
 }  // namespace echofuse::recon

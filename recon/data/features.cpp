@@ -89,4 +89,8 @@ Features fit_features(const Dataset& data, const Rows& rows, Inputs inputs,
   return f;
 }
 
+bool shows_sides(const Dataset& data, Inputs inputs) {
+  return fit_features(data, {}, inputs, raw_scaling).layout().shows_sides();
+}
+
 }  // namespace echofuse::recon

@@ -58,4 +58,7 @@ struct Features {
 Features fit_features(const Dataset& data, const Rows& rows, Inputs inputs,
                       const std::string& scaling);
 
+// Returns Layout::shows_sides() for these inputs.
+bool shows_sides(const Dataset& data, Inputs inputs);
+
 }  // namespace echofuse::recon

@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: MIT
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "drivers/util/format.hpp"
 #include "drivers/util/printable.hpp"
 #include "recon/data/dataset.hpp"
+#include "recon/data/lags.hpp"
 #include "recon/numbers/statistics.hpp"
 
 namespace echofuse::recon {
@@ -124,6 +126,34 @@ bool is_near(const ColumnAxis& found, const ColumnAxis& expected) {
          std::ranges::equal(found.zones, expected.zones, same_view);
 }
 
+void archive_axis(Archive archive, Axis& axis) {
+  constexpr std::int64_t max_bins = 1 << 20;
+  archive.text("quantity", axis.quantity, {});
+  archive.text("unit", axis.unit, {});
+  archive.count("count", axis.count, 0, max_bins);
+  archive.number("start", axis.start, -1e9, 1e9);
+  archive.number("step", axis.step, axis.count > 0 ? 1e-9 : -1e9, 1e9);
+  archive.number("scale", axis.scale, -1e9, 1e9);
+}
+
+// A single pixel has no zones in the file. The directions and widths of the zones are stored if
+// they are all known.
+void archive_zones(Archive archive, Zones& zones) {
+  std::size_t count = zones.size() > 1 ? zones.size() : 0;
+  archive.count("zones", count, 0, static_cast<std::int64_t>(max_zones));
+  zones.resize(std::max<std::size_t>(count, 1));
+  const bool known = count > 0 && std::ranges::all_of(zones, &Zone::has_direction);
+  if (!archive.part("knows_directions", known)) return;
+  constexpr std::array members{&Zone::x, &Zone::y, &Zone::width};
+  Matrix views(count, members.size());
+  for (std::size_t z = 0; z < count; ++z)
+    for (std::size_t k = 0; k < members.size(); ++k)
+      views.row(z)[k] = static_cast<float>(zones[z].*members[k]);
+  archive.table("zone_views", views, count, members.size());
+  for (std::size_t z = 0; z < count; ++z)
+    for (std::size_t k = 0; k < members.size(); ++k) zones[z].*members[k] = double{views.row(z)[k]};
+}
+
 Axis radar_bins(double width_m) {
   constexpr double span_m = 7;
   const auto count = static_cast<std::uint32_t>(span_m / width_m + 1e-9);
@@ -181,6 +211,21 @@ void match_axes(Dataset& data, const Layout& expected, Inputs inputs, const std:
             ": contains no radar antenna samples, which the model needs; for such runs train a "
             "model with --inputs fused-profile");
   match(data, data.array(), expected.array, owner);
+}
+
+void archive(Archive archive, Layout& axes) {
+  auto& [spd, radar, array] = axes;
+  spd.name = "spd", radar.name = "radar", array.name = "array";
+  archive_axis(archive.in("axes/spd"), spd);
+  archive_axis(archive.in("axes/radar"), radar);
+  archive_zones(archive, spd.zones);
+  if (!archive.part("takes_antennas", array.count > 0)) return;
+  archive_axis(archive.in("axes/array"), array);
+  const double lags = array.scale;
+  archive.require(array.count > 0 && lags >= 1 && lags <= double{2 * max_lags} &&
+                      lags == std::floor(lags) && static_cast<double>(lags_up(array)) < lags,
+                  "axes/array/scale",
+                  "expected 1 to 32 lags, at least one with a horizontal component");
 }
 
 }  // namespace echofuse::recon

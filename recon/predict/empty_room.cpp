@@ -28,15 +28,15 @@ std::vector<Column> take(Estimator& model, const std::string& path, const Datase
                                       ": contains no radar antenna samples, which the model "
                                       "needs; use a run that contains them");
   const Layout layout = model.features.layout();
-  const std::vector<float> now = mean_observation(empty, model.features);
-  std::vector<float> background = model.alignment.background(), change = background;
-  std::transform(change.begin(), change.end(), now.begin(), change.begin(), std::minus<float>());
+  const std::vector<float>& home = model.alignment.background();
+  std::vector<float> background = mean_observation(empty, model.features), change = home;
+  std::transform(home.begin(), home.end(), background.begin(), change.begin(), std::minus<float>());
   Dataset out;
   out.radar() = repeated_row(layout.parts(std::span(change)).power, 1);
   out.array() = repeated_row(layout.parts(std::span(change)).lags, 1);
-  const auto to = layout.parts(std::span(background));
-  std::ranges::copy(layout.parts(std::span(now)).counts, to.counts.begin());
-  std::ranges::copy(layout.parts(std::span(now)).zones, to.zones.begin());
+  const auto radar = layout.parts(std::span(background));
+  std::ranges::copy(layout.parts(std::span(home)).power, radar.power.begin());
+  std::ranges::copy(layout.parts(std::span(home)).lags, radar.lags.begin());
   model.alignment.set_background(background);
   return out.columns;
 }

@@ -1,12 +1,10 @@
 // SPDX-License-Identifier: MIT
 #include "recon/predict/estimator.hpp"
 
-#include <array>
 #include <chrono>
 #include <cmath>
 
 #include "drivers/util/exit_code.hpp"
-#include "recon/data/lags.hpp"
 #include "recon/numbers/statistics.hpp"
 
 namespace echofuse::recon {
@@ -16,62 +14,17 @@ double seconds_since(std::chrono::steady_clock::time_point started) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count();
 }
 
-void archive_axis(Archive archive, Axis& axis) {
-  constexpr std::int64_t max_bins = 1 << 20;
-  archive.text("quantity", axis.quantity, {});
-  archive.text("unit", axis.unit, {});
-  archive.count("count", axis.count, 0, max_bins);
-  archive.number("start", axis.start, -1e9, 1e9);
-  archive.number("step", axis.step, axis.count > 0 ? 1e-9 : -1e9, 1e9);
-  archive.number("scale", axis.scale, -1e9, 1e9);
-}
-
-// A single pixel has no zones in the file. The directions and widths of the zones are stored if
-// they are all known.
-void archive_zones(Archive archive, Zones& zones) {
-  std::size_t count = zones.size() > 1 ? zones.size() : 0;
-  archive.count("zones", count, 0, static_cast<std::int64_t>(max_zones));
-  zones.resize(std::max<std::size_t>(count, 1));
-  const bool known = count > 0 && std::ranges::all_of(zones, &Zone::has_direction);
-  if (!archive.part("knows_directions", known)) return;
-  constexpr std::array members{&Zone::x, &Zone::y, &Zone::width};
-  Matrix views(count, members.size());
-  for (std::size_t z = 0; z < count; ++z)
-    for (std::size_t k = 0; k < members.size(); ++k)
-      views.row(z)[k] = static_cast<float>(zones[z].*members[k]);
-  archive.table("zone_views", views, count, members.size());
-  for (std::size_t z = 0; z < count; ++z)
-    for (std::size_t k = 0; k < members.size(); ++k) zones[z].*members[k] = double{views.row(z)[k]};
-}
-
 void archive_features(Archive archive, Features& f, bool views) {
   std::string inputs = name_of(f.inputs);
   archive.text("inputs", inputs, inputs_names);
   f.inputs = inputs_of(inputs);
   archive.text("scaling", f.scaling, views ? std::vector<std::string>{raw_scaling} : scaling_names);
-  auto& [spd, radar, array] = f.axes;
-  spd.name = "spd", radar.name = "radar", array.name = "array";
-  archive_axis(archive.in("axes/spd"), spd);
-  archive_axis(archive.in("axes/radar"), radar);
-  archive_zones(archive, spd.zones);
-  if (archive.part("takes_antennas", array.count > 0)) {
-    archive_axis(archive.in("axes/array"), array);
-    const double lags = array.scale;
-    archive.require(f.inputs == Inputs::fused && views && array.count > 0, "axes/array",
-                    "expected only in a fused model with aligned inputs");
-    archive.require(lags >= 1 && lags <= double{2 * max_lags} && lags == std::floor(lags) &&
-                        static_cast<double>(lags_up(array)) < lags,
-                    "axes/array/scale",
-                    "expected 1 to 32 lags, at least one with a horizontal component");
-  }
+  recon::archive(archive, f.axes);
+  archive.require(f.axes.array.count == 0 || (f.inputs == Inputs::fused && views), "axes/array",
+                  "expected only in a fused model with aligned inputs");
   archive.values("features/centre", f.centre, f.count());
   archive.number("features/spd_gain", f.spd_gain, -1e18, 1e18);
   archive.number("features/radar_gain", f.radar_gain, -1e18, 1e18);
-}
-
-// Left and right can be distinguished only if there are both sensors, or if the detector has zones.
-bool shows_sides(const Layout& layout) {
-  return layout.spd.count > 0 && (layout.radar.count > 0 || layout.zones_size() > 0);
 }
 
 void archive_training(Archive archive, FitOptions& fit, TrainingLog& log) {
@@ -137,9 +90,8 @@ void Estimator::archive(Archive archive) {
   const bool takes_views = wants_alignment(name);
   archive_features(archive, features, takes_views);
   const Layout layout = features.layout();
-  archive.require(
-      !takes_views || shows_sides(layout), "inputs",
-      "expected fused, because this kind of model needs both sensors, or a detector with zones");
+  archive.require(!takes_views || layout.shows_sides(), "inputs",
+                  "expected fused, because this kind of model needs " + needs_of_sides);
   recon::archive(archive.in("scene"), scene);
   archive.count("knows_empty_room", has_empty_room, 0, 1);
   archive.number("train_s", train_s, 0, 1e12);
@@ -188,10 +140,8 @@ Estimator fit_model(const Dataset& data, const Split& split, const Preprocessing
                               takes_views           ? raw_scaling
                               : scaling == "record" ? kind_of(out.name).scaling
                                                     : scaling);
-  if (takes_views && !shows_sides(out.features.layout()))
-    throw Error(ExitCode::usage,
-                "the mean-shape and factorised models need both sensors (--inputs fused), or a "
-                "detector with zones");
+  if (takes_views && !out.features.layout().shows_sides())
+    throw Error(ExitCode::usage, "the mean-shape and factorised models need " + needs_of_sides);
   out.scene = preprocessing.scene;
   if (takes_views) out.alignment = preprocessing.alignment;
   out.has_empty_room = takes_views && preprocessing.has_empty_room;

@@ -9,14 +9,6 @@
 #include "drivers/util/format.hpp"
 
 namespace echofuse::recon {
-namespace {
-
-// Returns true if the inputs reveal whether a body is on the left or on the right.
-bool shows_sides(Inputs inputs, std::size_t zones) {
-  return both_sensors(inputs) || (inputs == Inputs::spd && zones > 1);
-}
-
-}  // namespace
 
 Summaries summarise(const Folds& folds, bool sequence) {
   std::vector<MapScores> all;
@@ -44,8 +36,8 @@ std::vector<CrossvalidatedRow> crossvalidate(const Dataset& data, const Rows& ro
   constexpr std::size_t folds = 4;
   const Inputs inputs = inputs_of(options.inputs);
   const bool sequence = options.split.kind == "blocked";
-  const auto names = options.candidates.empty() ? candidates(inputs, data.spd().axis.zones.size())
-                                                : options.candidates;
+  const auto names =
+      options.candidates.empty() ? candidates(shows_sides(data, inputs)) : options.candidates;
   FitOptions fit = options.fit;
   fit.quiet = true;
   const bool aligned = std::any_of(names.begin(), names.end(), [&](const auto& name) {
@@ -80,9 +72,9 @@ std::vector<CrossvalidatedRow> crossvalidate(const Dataset& data, const Rows& ro
   return out;
 }
 
-std::vector<std::string> candidates(Inputs inputs, std::size_t zones) {
+std::vector<std::string> candidates(bool shows_sides) {
   std::vector<std::string> out = {"empty", "mean"};
-  if (shows_sides(inputs, zones))
+  if (shows_sides)
     for (const char* name :
          {"mean-shape", "factorised-4", "factorised-10", "factorised-16", "factorised-32"})
       out.emplace_back(name);
@@ -91,9 +83,7 @@ std::vector<std::string> candidates(Inputs inputs, std::size_t zones) {
   return out;
 }
 
-std::string usual_model(Inputs inputs, std::size_t zones) {
-  return shows_sides(inputs, zones) ? "factorised" : "pca-mlp-256-256";
-}
+std::string usual_model(bool shows_sides) { return shows_sides ? "factorised" : "pca-mlp-256-256"; }
 
 std::size_t cheapest_within_one_se(const std::vector<CrossvalidatedRow>& rows) {
   std::size_t best = rows.size();

@@ -29,11 +29,11 @@ Summaries summarise(const Folds& folds, bool sequence);
 std::vector<CrossvalidatedRow> crossvalidate(const Dataset& data, const Rows& rows,
                                              const TrainOptions& options);
 
-// Returns the names of the candidates, including their sizes, for these inputs and this number of
-// detector zones.
-std::vector<std::string> candidates(Inputs inputs, std::size_t zones);
+// Returns the names of the candidates, including their sizes, for inputs that can or cannot
+// distinguish left and right (Layout::shows_sides).
+std::vector<std::string> candidates(bool shows_sides);
 // Returns the default model, which "auto" chooses if there are a few thousand records.
-std::string usual_model(Inputs inputs, std::size_t zones = 1);
+std::string usual_model(bool shows_sides);
 
 // Returns the index of the cheapest model (fewest multiply-adds) with an IoU within one standard
 // error of the best. Source: Breiman et al., Classification and Regression Trees, 1984, 3.4.3. Uses

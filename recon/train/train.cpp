@@ -66,8 +66,8 @@ std::vector<TrainingPlan> plans_of(const Dataset& data, const std::string& name,
   FitOptions of_spd;
   of_spd.seed = options.fit.seed, of_spd.quiet = options.fit.quiet;
   of_spd.epochs = options.fit.epochs;
-  out.push_back({usual_model(Inputs::spd, data.spd().axis.zones.size()), Inputs::spd, "record",
-                 of_spd, enough_of_spd});
+  out.push_back(
+      {usual_model(shows_sides(data, Inputs::spd)), Inputs::spd, "record", of_spd, enough_of_spd});
   return out;
 }
 

@@ -38,10 +38,14 @@ TEST_CASE("layer sizes come from the model name, and other training settings com
   CHECK(wide.fit.patience.value() == 15);
   CHECK(candidate_of("mlp", {}).fit.hidden.value() == std::vector<std::size_t>{512, 256});
   CHECK(candidate_of("factorised-8", {}).fit.basis.value() == 8);
-  CHECK(candidate_of(usual_model(Inputs::fused), {}).fit.basis.value() == 16);
-  CHECK(usual_model(Inputs::spd) == "pca-mlp-256-256");
-  CHECK(usual_model(Inputs::spd, 9) == "factorised");
-  CHECK(usual_model(Inputs::radar, 9) == "pca-mlp-256-256");
+  CHECK(candidate_of(usual_model(true), {}).fit.basis.value() == 16);
+  CHECK(usual_model(false) == "pca-mlp-256-256");
+  Dataset data = load_plates(2);
+  CHECK(shows_sides(data, Inputs::fused));
+  CHECK_FALSE(shows_sides(data, Inputs::spd));
+  data.spd().axis.zones.resize(9);
+  CHECK(shows_sides(data, Inputs::spd));
+  CHECK_FALSE(shows_sides(data, Inputs::radar));
   CHECK(candidate_of("paper", {}).name == "mlp-512-256");
   CHECK(candidate_of("factorised-64", {}).fit.basis.value() == 64);
   CHECK(candidate_of("pca-mlp-32-16", {}).fit.basis.value() == 128);
