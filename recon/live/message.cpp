@@ -5,35 +5,13 @@
 #include <nlohmann/json.hpp>
 
 #include "drivers/util/printable.hpp"
+#include "recon/numbers/text.hpp"
 
 namespace echofuse::view {
 namespace {
 
 using Json = nlohmann::json;
 constexpr std::size_t alignment = 8;
-
-template <class T>
-constexpr const char* type_name();
-template <>
-constexpr const char* type_name<std::uint8_t>() {
-  return "u8";
-}
-template <>
-constexpr const char* type_name<std::uint16_t>() {
-  return "u16";
-}
-template <>
-constexpr const char* type_name<std::uint32_t>() {
-  return "u32";
-}
-template <>
-constexpr const char* type_name<float>() {
-  return "f32";
-}
-template <>
-constexpr const char* type_name<double>() {
-  return "f64";
-}
 
 void pad(Bytes& bytes) { bytes.resize((bytes.size() + alignment - 1) / alignment * alignment); }
 
@@ -66,7 +44,7 @@ Json number(double value) { return std::isfinite(value) ? Json(value) : Json(); 
 template <class T>
 void MessageWriter::add(const std::string& name, std::span<const T> values,
                         std::vector<std::size_t> shape) {
-  arrays_.push_back({name, type_name<T>(), bytes_.size(), std::move(shape)});
+  arrays_.push_back({name, recon::type_name<T>("uif"), bytes_.size(), std::move(shape)});
   const auto* first = reinterpret_cast<const std::uint8_t*>(values.data());
   bytes_.insert(bytes_.end(), first, first + values.size_bytes());
   pad(bytes_);

@@ -88,7 +88,7 @@ class MessageWriter {
  private:
   struct Array {
     std::string name;
-    const char* type;
+    std::string type;
     std::size_t offset;
     std::vector<std::size_t> shape;
   };

@@ -54,11 +54,4 @@ inline void append_rows(Matrix& to, const Matrix& more) {
   for (std::size_t i = 0; i < more.rows; ++i) to.add_row(more.row(i));
 }
 
-inline Matrix first_columns(const Matrix& from, std::size_t count) {
-  Matrix out(from.rows, count);
-  for (std::size_t i = 0; i < from.rows; ++i)
-    std::copy_n(from.row(i).begin(), count, out.row(i).begin());
-  return out;
-}
-
 }  // namespace echofuse::recon

@@ -14,6 +14,7 @@
 #include "drivers/util/console.hpp"
 #include "drivers/util/printable.hpp"
 #include "recon/numbers/blas.hpp"
+#include "recon/numbers/text.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -23,29 +24,6 @@ using nlohmann::json;
 constexpr std::size_t max_header = 1 << 20, max_rank = 4;
 constexpr const char* no_crc = "00000000";
 constexpr double max_size = 1e18;
-
-template <class T>
-constexpr const char* type_of();
-template <>
-constexpr const char* type_of<float>() {
-  return "F32";
-}
-template <>
-constexpr const char* type_of<double>() {
-  return "F64";
-}
-template <>
-constexpr const char* type_of<std::int64_t>() {
-  return "I64";
-}
-template <>
-constexpr const char* type_of<std::uint32_t>() {
-  return "U32";
-}
-template <>
-constexpr const char* type_of<std::uint8_t>() {
-  return "U8";
-}
 
 std::size_t bytes_of(const std::string& type) {
   return type == "F32" || type == "U32" ? 4 : type == "F64" || type == "I64" ? 8 : type == "U8";
@@ -208,7 +186,7 @@ Bytes TensorFile::to_bytes() const {
 template <class T>
 void TensorFile::write(const std::string& name, std::span<const T> values,
                        const TensorShape& shape) {
-  Tensor& to = tensors_[name] = {type_of<T>(), shape, Bytes(values.size_bytes())};
+  Tensor& to = tensors_[name] = {type_name<T>("UIF"), shape, Bytes(values.size_bytes())};
   if (!values.empty()) std::memcpy(to.values.data(), values.data(), values.size_bytes());
 }
 
@@ -223,8 +201,8 @@ TensorShape TensorFile::shape(const std::string& name) const { return found(name
 template <class T>
 std::vector<T> TensorFile::read(const std::string& name, const TensorShape& shape) const {
   const Tensor& tensor = found(name);
-  if (tensor.type != type_of<T>())
-    refuse(name, "has type " + tensor.type + "; expected " + type_of<T>());
+  if (tensor.type != type_name<T>("UIF"))
+    refuse(name, "has type " + tensor.type + "; expected " + type_name<T>("UIF"));
   const bool fits = std::equal(
       shape.begin(), shape.end(), tensor.shape.begin(), tensor.shape.end(),
       [](std::size_t required, std::size_t is) { return required == any || required == is; });

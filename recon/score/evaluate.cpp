@@ -108,14 +108,12 @@ void score_predictions(const TrainedModel& model, const Records& records, const 
   const SceneModel& scoring = out.scoring.scene;
   Progress progress(title, rows.size(), title.empty());
   constexpr std::size_t batch_records = 512;
-  const PredictionDetail detail =
-      model.first().uncertainty ? PredictionDetail::pixels : PredictionDetail::maps;
   std::vector<MapScores>& scores = out.scores;
   StatedUncertainty uncertainty;
   for (std::size_t first = 0; first < rows.size(); first += batch_records) {
     const auto begin = rows.begin() + static_cast<std::ptrdiff_t>(first);
     const Rows part(begin, begin + std::min<std::ptrdiff_t>(batch_records, rows.end() - begin));
-    Prediction one = predict(model, records.data, part, detail);
+    Prediction one = predict(model, records.data, part, fullest_detail(model));
     for (PredictionUncertainty& u : one.uncertainties)
       u.lateral_interval_90_m *= out.domain_shift.interval_factor;
     if (!one.uncertainties.empty() && model.first().uncertainty)
