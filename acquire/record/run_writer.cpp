@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <chrono>
+#include <filesystem>
 #include <random>
 #include <thread>
 #include <utility>
@@ -76,7 +77,7 @@ void append_row(Statement& row, const std::string& path, const Shapes& shapes,
 }  // namespace
 
 void refuse_existing(const std::string& path) {
-  if (::access(path.c_str(), F_OK) != 0) return;
+  if (!std::filesystem::exists(path)) return;
   throw Error(ExitCode::failed,
               path + ": exists already; runs are never overwritten; choose another name");
 }
