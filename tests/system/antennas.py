@@ -5,21 +5,15 @@
 expected statistics are computed from the raw bytes."""
 import json
 import math
-import pathlib
 import sqlite3
 import struct
 import subprocess
-import sys
-import tempfile
-import unittest
 
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
+from case import Case, bin_dir, main, source
+from fixtures import crc32c
 import waiting
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "fixtures"))
-from fixtures import crc32c  # noqa: E402
 
-bin_dir = pathlib.Path(sys.argv[1]).resolve()
-cfg = pathlib.Path(__file__).resolve().parents[2] / "config/radar/xwr68xx_azimuth_50cm.cfg"
+cfg = source / "config/radar/xwr68xx_azimuth_50cm.cfg"
 MAGIC = bytes((2, 1, 4, 3, 6, 5, 8, 7))
 WINDOW_S = 0.4
 BINS, KEPT, ANTENNAS = 64, 32, 8
@@ -75,10 +69,7 @@ def statistics(frames, numbers, b):
     return power, values + [max(-1, min(1, part)) for part in (lag.real, lag.imag)]
 
 
-class Antennas(unittest.TestCase):
-    def setUp(self):
-        self.dir = pathlib.Path(self.enterContext(tempfile.TemporaryDirectory(prefix="echofuse-")))
-
+class Antennas(Case):
     def record(self, count):
         done = waiting.run(
             [bin_dir / "echofuse-sim", "lab", "--dir", self.dir / "lab", "--window", str(WINDOW_S), "--scene", "mixed", "--hold",
@@ -142,4 +133,4 @@ class Antennas(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    unittest.main(argv=sys.argv[:1] + ["Antennas." + name for name in sys.argv[2:]])
+    main(Antennas)

@@ -2,19 +2,15 @@
 # SPDX-License-Identifier: MIT
 """Tests that scripts/manual --api documents every public name and fails if a public name has no description.
 Called as `tests/system/api_pages.py BIN_DIR`."""
-import pathlib
 import shutil
 import subprocess
 import sys
-import tempfile
-import unittest
 
 import numpy as np
 
-source = pathlib.Path(__file__).resolve().parents[2]
-sys.path[:0] = map(str, (source / "tests/fixtures", source / "recon/python"))
-import echofuse  # noqa: E402
-import fixtures  # noqa: E402
+from case import Case, main, source
+import echofuse
+import fixtures
 
 missing = [name for name in ("doxygen", "sphinx-build") if shutil.which(name) is None]
 if missing:
@@ -22,10 +18,7 @@ if missing:
     sys.exit(77)
 
 
-class ApiPages(unittest.TestCase):
-    def setUp(self):
-        self.dir = pathlib.Path(self.enterContext(tempfile.TemporaryDirectory(prefix="echofuse-pages-")))
-
+class ApiPages(Case):
     def manual(self, tree):
         return subprocess.run([tree / "scripts/manual", "--api", self.dir / "out"], capture_output=True, text=True, timeout=240)
 
@@ -76,4 +69,4 @@ class ApiPages(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    unittest.main(argv=sys.argv[:1])
+    main(ApiPages)

@@ -13,17 +13,14 @@ import sqlite3
 import struct
 import subprocess
 import sys
-import tempfile
 import threading
 import time
-import unittest
 import zlib
 
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "fixtures"))
-import fixtures  # noqa: E402
+from case import SharedCase, bin_dir, main, source
+import fixtures
 
-bin_dir = pathlib.Path(sys.argv[1]).resolve()
-PACKAGE = pathlib.Path(__file__).resolve().parents[2] / "recon/python"
+PACKAGE = source / "recon/python"
 RECORDS = 12
 sanitized = b"__asan_init" in (bin_dir / "echofuse-acquire").read_bytes()
 # Time limit for each command in s. A command usually takes a fraction of a second.
@@ -134,17 +131,14 @@ def pages_that_repeat(path, table):
     path.write_bytes(data)
 
 
-class DamagedInputs(unittest.TestCase):
+class DamagedInputs(SharedCase):
     @classmethod
     def setUpClass(cls):
-        cls.dir = pathlib.Path(cls.enterClassContext(tempfile.TemporaryDirectory(prefix="echofuse-")))
+        super().setUpClass()
         cls.seed = cls.dir / "seed.sqlite"
         cls.model = cls.dir / "mean.h5"
-        for command in (["sim", "dataset", "--out", cls.seed, "--people", RECORDS, "--seed", 7, "-q"],
-                        ["recon", "train", cls.seed, "--out", cls.model, "--model", "mean", "-q"]):
-            done = subprocess.run([bin_dir / f"echofuse-{command[0]}", *map(str, command[1:])], capture_output=True,
-                                  text=True)
-            assert done.returncode == 0, done.stderr
+        fixtures.program("echofuse-sim", "dataset", "--out", cls.seed, "--people", RECORDS, "--seed", 7, "-q")
+        fixtures.program("echofuse-recon", "train", cls.seed, "--out", cls.model, "--model", "mean", "-q")
         db = sqlite3.connect(cls.seed)
         cls.shapes = dict(db.execute("SELECT name, count FROM axis"))
         db.close()
@@ -312,7 +306,7 @@ class DamagedInputs(unittest.TestCase):
             self.assertIsNone(re.search(r"(^|[,;])[=+@]", line), line)
 
     def test_commands_escape_control_characters_in_texts_of_devices(self):
-        sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "scripts/bridges"))
+        sys.path.insert(0, str(source / "scripts/bridges"))
         import bridge
         import pack
         pack.crc32c = fixtures.crc32c
@@ -353,4 +347,4 @@ class DamagedInputs(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    unittest.main(argv=[sys.argv[0], *(f"DamagedInputs.{name}" for name in sys.argv[2:])])
+    main(DamagedInputs)

@@ -4,18 +4,13 @@
 `tests/system/day.py BIN_DIR`. The processor time must grow at most about linearly with the length of the run, and the
 memory much more slowly."""
 import os
-import pathlib
 import shutil
 import sqlite3
 import subprocess
-import sys
-import tempfile
-import unittest
 
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "view"))
-from page_socket import Client  # noqa: E402
+from case import SharedCase, bin_dir, call, main
+from page_socket import Client
 
-bin_dir = pathlib.Path(sys.argv[1]).resolve()
 # Numbers of records in the simulated run, in a tenth of a day, and in a day.
 MADE, TENTH, DAY = 240, 2_880, 28_800
 # Memory in bytes that a program may use per additional record. A record takes 8 KiB.
@@ -40,15 +35,13 @@ def grow(run, out, records):
     db.close()
 
 
-class Day(unittest.TestCase):
+class Day(SharedCase):
     @classmethod
     def setUpClass(cls):
-        cls.dir = pathlib.Path(cls.enterClassContext(tempfile.TemporaryDirectory(prefix="echofuse-")))
+        super().setUpClass()
         seed = cls.dir / "seed.sqlite"
-        subprocess.run([bin_dir / "echofuse-sim", "dataset", "-q", "--out", seed, "--records", str(MADE), "--set",
-                        "radar_antennas=8"], check=True)
-        subprocess.run([bin_dir / "echofuse-recon", "-q", "train", seed, "--model", "factorised-4", "--out", cls.dir / "model"],
-                       check=True)
+        call(cls.dir, "echofuse-sim", "dataset", "-q", "--out", seed, "--records", MADE, "--set", "radar_antennas=8")
+        call(cls.dir, "echofuse-recon", "-q", "train", seed, "--model", "factorised-4", "--out", "model")
         for records in TENTH, DAY:
             grow(seed, cls.dir / f"{records}.sqlite", records)
 
@@ -97,4 +90,4 @@ class Day(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    unittest.main(argv=sys.argv[:1] + sys.argv[2:])
+    main(Day)

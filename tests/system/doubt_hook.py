@@ -5,9 +5,7 @@
 import shutil
 import signal
 import subprocess
-import sys
 import time
-import unittest
 
 import live
 from live import bin_dir, wait_for
@@ -87,4 +85,4 @@ echo "$ECHOFUSE_TEXT" >>{calls}
 
 
 if __name__ == "__main__":
-    unittest.main(argv=[sys.argv[0], *(f"DoubtHook.{name}" for name in sys.argv[2:])])
+    live.main(DoubtHook)

@@ -10,7 +10,6 @@ import signal
 import sqlite3
 import subprocess
 import time
-import unittest
 
 import live
 from live import wait_for
@@ -98,4 +97,4 @@ class Ends(live.Live):
 
 
 if __name__ == "__main__":
-    unittest.main(argv=[live.sys.argv[0], *(f"Ends.{name}" for name in live.sys.argv[2:])])
+    live.main(Ends)

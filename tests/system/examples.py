@@ -3,27 +3,16 @@
 """Tests that the Python examples run and that README.md links to every example. Called as `tests/system/examples.py
 BIN_DIR TEST`."""
 import importlib.util
-import os
-import pathlib
-import subprocess
-import sys
-import tempfile
-import unittest
 
-bin_dir = pathlib.Path(sys.argv[1]).resolve()
-source = pathlib.Path(__file__).resolve().parents[2]
+import case
+from case import source
+
 examples = source / "recon/examples"
 
 
-class Examples(unittest.TestCase):
-    def setUp(self):
-        self.dir = pathlib.Path(self.enterContext(tempfile.TemporaryDirectory(prefix="echofuse-examples-")))
-
-    def call(self, *words, ok=(0,)):
-        done = subprocess.run(list(map(str, words)), cwd=self.dir, capture_output=True, text=True, timeout=60, env=os.environ | {
-            "PATH": f"{bin_dir}:{os.environ['PATH']}", "PYTHONPATH": str(source / "recon/python"), "PYTHONDONTWRITEBYTECODE": "1"})
-        self.assertIn(done.returncode, ok, f"{words}: {done.stdout}{done.stderr}")
-        return done.stdout
+class Examples(case.Case):
+    def call(self, *words, **how):
+        return case.call(self.dir, *words, **how)
 
     def test_each_example_has_30_to_60_lines_and_a_link_in_the_readme(self):
         front = (source / "README.md").read_text(encoding="utf-8")
@@ -60,4 +49,4 @@ class Examples(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    unittest.main(argv=[sys.argv[0], *(f"Examples.{name}" for name in sys.argv[2:])])
+    case.main(Examples)

@@ -8,12 +8,11 @@ import pathlib
 import re
 import shutil
 import subprocess
-import sys
 import tempfile
-import unittest
 
-build = pathlib.Path(sys.argv[1]).resolve().parent
-source = pathlib.Path(__file__).resolve().parents[2]
+from case import SharedCase, bin_dir, main, source
+
+build = bin_dir.parent
 # Environment of a user, without the settings of the tests.
 OWN = {name: value for name, value in os.environ.items() if name not in ("ECHOFUSE_LOCKS", "XDG_CONFIG_HOME")}
 
@@ -24,10 +23,10 @@ def run(*words, **how):
     return done.stdout
 
 
-class Installed(unittest.TestCase):
+class Installed(SharedCase):
     @classmethod
     def setUpClass(cls):
-        cls.dir = pathlib.Path(cls.enterClassContext(tempfile.TemporaryDirectory(prefix="echofuse-installed-")))
+        super().setUpClass()
         # The files are installed in a staging folder and then moved, as is done for a package.
         run("cmake", "--install", build, "--prefix", cls.dir / "opt", env=OWN | {"DESTDIR": str(cls.dir / "stage")})
         shutil.move(str(cls.dir / "stage") + str(cls.dir / "opt"), cls.dir)
@@ -138,4 +137,4 @@ class Installed(unittest.TestCase):
 
 hide = subprocess.run(["unshare", "--mount", "true"], capture_output=True).returncode == 0
 if __name__ == "__main__":
-    unittest.main(argv=sys.argv[:1])
+    main(Installed)

@@ -3,17 +3,11 @@
 """Tests that every --json output has exactly the keys documented in config/schema.json. Called as
 `tests/system/json_keys.py BIN_DIR TEST`."""
 import json
-import os
-import pathlib
 import re
-import subprocess
-import sys
-import tempfile
-import unittest
 
-bin_dir = pathlib.Path(sys.argv[1]).resolve()
-source = pathlib.Path(__file__).resolve().parents[2]
-schema = json.loads((source / "config/schema.json").read_text(encoding="utf-8"))
+import case
+
+schema = json.loads((case.source / "config/schema.json").read_text(encoding="utf-8"))
 
 
 def differences(documented, found, place):
@@ -39,15 +33,9 @@ def differences(documented, found, place):
                 yield from differences(shape, found[key.rstrip("?")], f"{place}.{key}")
 
 
-class JsonKeys(unittest.TestCase):
-    def setUp(self):
-        self.dir = pathlib.Path(self.enterContext(tempfile.TemporaryDirectory(prefix="echofuse-json-")))
-
-    def call(self, *words, ok=(0,)):
-        done = subprocess.run(list(map(str, words)), cwd=self.dir, capture_output=True, text=True, timeout=120,
-                              env=os.environ | {"PATH": f"{bin_dir}:{os.environ['PATH']}"})
-        self.assertIn(done.returncode, ok, f"{words}: {done.stdout}{done.stderr}")
-        return done.stdout
+class JsonKeys(case.Case):
+    def call(self, *words, **how):
+        return case.call(self.dir, *words, **how)
 
     def check(self, output, text):
         found = json.loads(text)
@@ -107,4 +95,4 @@ class JsonKeys(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    unittest.main(argv=[sys.argv[0], *(f"JsonKeys.{name}" for name in sys.argv[2:])])
+    case.main(JsonKeys)

@@ -12,26 +12,22 @@ import signal
 import sqlite3
 import struct
 import subprocess
-import sys
-import tempfile
 import threading
 import time
-import unittest
 
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent))
+from case import Case, bin_dir, call, main
 from waiting import not_checked, starved, wait_for
 
-bin_dir = pathlib.Path(sys.argv[1]).resolve()
 # Sanitizers make the programs slower, so longer slots are needed.
 WINDOW_S = float(os.environ.get("ECHOFUSE_TEST_WINDOW_S", "0.2"))
 
 
-class Live(unittest.TestCase):
+class Live(Case):
     # A scene lasts two slots. With this laser rate, there are few clicks per pulse even in short slots.
     lab_options = ("--hold", str(2 * WINDOW_S), "--laser-rate-hz", "2e7", "--set", "signal_photons=5e4")
 
     def setUp(self):
-        self.dir = pathlib.Path(self.enterContext(tempfile.TemporaryDirectory(prefix="echofuse-")))
+        super().setUp()
         self.run = self.dir / "run.sqlite"
         self.processes = []
         sent = ("--log", self.dir / "sent.jsonl") if self._testMethodName == "test_terminal_hangup_ends_each_device_command" else ()
@@ -72,8 +68,7 @@ class Live(unittest.TestCase):
         return json.loads((self.dir / "lab/sent.json").read_text())
 
     def info(self):
-        return json.loads(subprocess.run([bin_dir / "echofuse-acquire", "info", "--json", self.run], check=True,
-                                         stdout=subprocess.PIPE).stdout)
+        return json.loads(call(self.dir, "echofuse-acquire", "info", "--json", self.run))
 
     def rows(self):
         db = sqlite3.connect(f"file:{self.run}?mode=ro", uri=True)
@@ -379,4 +374,4 @@ class Live(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    unittest.main(argv=[sys.argv[0], *(f"Live.{name}" for name in sys.argv[2:])])
+    main(Live)

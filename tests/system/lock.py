@@ -5,8 +5,6 @@ BIN_DIR TEST`."""
 import json
 import re
 import subprocess
-import sys
-import unittest
 
 import live
 
@@ -70,4 +68,4 @@ class Lock(live.Live):
 
 
 if __name__ == "__main__":
-    unittest.main(argv=[sys.argv[0], *(f"Lock.{name}" for name in sys.argv[2:])])
+    live.main(Lock)

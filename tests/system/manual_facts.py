@@ -7,13 +7,9 @@ import pathlib
 import re
 import sqlite3
 import subprocess
-import sys
-import tempfile
-import unittest
 
-bin_dir = pathlib.Path(sys.argv[1]).resolve()
-source = pathlib.Path(__file__).resolve().parents[2]
-sys.path += [str(source / "recon/python"), str(source / "tests")]
+import case
+from case import bin_dir, source
 import echofuse
 import waiting
 
@@ -47,10 +43,10 @@ def settings_of(text):
     return found
 
 
-class Facts(unittest.TestCase):
+class Facts(case.SharedCase):
     @classmethod
     def setUpClass(cls):
-        cls.dir = pathlib.Path(cls.enterClassContext(tempfile.TemporaryDirectory(prefix="echofuse-facts-")))
+        super().setUpClass()
         (cls.dir / "lab.toml").write_text('[tdc]\naddress = "bridge:tcp://127.0.0.1:41110"\n')
         cls.call("echofuse-sim", "dataset", "-q", "--out", "zones.sqlite", "--records", "40", "--set", "spd_zones=3", "--set", "radar_antennas=8")
         cls.call("echofuse-recon", "train", "-q", "zones.sqlite", "--model", "mean", "--out", "mean.safetensors")
@@ -60,10 +56,8 @@ class Facts(unittest.TestCase):
         cls.train = settings_of(cls.call("echofuse-recon", "train", "--settings"))
 
     @classmethod
-    def call(cls, *words, ok=(0,)):
-        done = subprocess.run([bin_dir / words[0], *words[1:]], cwd=cls.dir, capture_output=True, text=True, timeout=200)
-        assert done.returncode in ok, f"{words}: exit code {done.returncode}: {done.stdout}{done.stderr}"
-        return done.stdout
+    def call(cls, *words):
+        return case.call(cls.dir, *words)
 
     def test_settings_in_the_manuals_exist(self):
         named = 0
@@ -157,4 +151,4 @@ class Facts(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    unittest.main(argv=sys.argv[:1])
+    case.main(Facts)

@@ -5,16 +5,13 @@ index contains the pages. Called as `manual_pages.py BIN_DIR`."""
 import html.parser
 import importlib.util
 import json
-import pathlib
 import shutil
 import subprocess
 import sys
-import tempfile
-import unittest
 import urllib.parse
 
-bin_dir = pathlib.Path(sys.argv[1]).resolve()
-source = pathlib.Path(__file__).resolve().parents[2]
+from case import SharedCase, bin_dir, main, source
+
 missing = [name for name in ("doxygen", "sphinx-build") if shutil.which(name) is None]
 missing += [name for name in ("myst_parser",) if importlib.util.find_spec(name) is None]
 if missing:
@@ -52,10 +49,11 @@ def broken_links(folder):
     return broken, named
 
 
-class Manual(unittest.TestCase):
+class Manual(SharedCase):
     @classmethod
     def setUpClass(cls):
-        cls.out = pathlib.Path(cls.enterClassContext(tempfile.TemporaryDirectory(prefix="echofuse-manual-"))).resolve() / "out"
+        super().setUpClass()
+        cls.out = cls.dir.resolve() / "out"
         cls.done = subprocess.run([source / "scripts/manual", "--bin", bin_dir, cls.out], capture_output=True, text=True, timeout=240)
 
     def test_manual_builds_without_warnings(self):
@@ -86,4 +84,4 @@ class Manual(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    unittest.main(argv=sys.argv[:1])
+    main(Manual)

@@ -4,19 +4,11 @@
 BIN_DIR`. The table of names in acquire/GLOSSARY.md must contain every name that at least two of these interfaces use."""
 import inspect
 import json
-import os
-import pathlib
 import re
-import subprocess
-import sys
-import tempfile
-import unittest
 
-source = pathlib.Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(source / "recon/python"))
-import echofuse  # noqa: E402
+from case import Case, call, main, source
+import echofuse
 
-bin_dir = pathlib.Path(sys.argv[1]).resolve()
 INTERFACES = ("C++", "Python", "JSON", "CSV", "netCDF")
 # Columns of a sensor are called e.g. spd_verdict; the table contains verdict.
 OF_SENSOR = re.compile("^(spd|radar|depth)_(?=(verdict|figures|used|lost|valid|quality|offset_m)$)")
@@ -44,22 +36,18 @@ def of_json():
     return keys({name: shape for name, shape in documented.items() if name != "how to read"}) - set(documented)
 
 
-class Names(unittest.TestCase):
+class Names(Case):
     def test_each_public_name_is_in_the_glossary_with_its_interfaces(self):
-        with tempfile.TemporaryDirectory(prefix="echofuse-names-") as folder:
-            def call(*words):
-                subprocess.run([bin_dir / words[0], *words[1:]], cwd=folder, check=True, capture_output=True, text=True,
-                               env=os.environ | {"PATH": f"{bin_dir}:{os.environ['PATH']}"})
-            call("echofuse-sim", "dataset", "-q", "--people", "60", "--letters", "0", "--out", "a.sqlite")
-            call("echofuse-recon", "train", "-q", "a.sqlite", "--model", "mean-shape", "--out", "m")
-            call("echofuse-recon", "reconstruct", "-q", "m", "a.sqlite", "--rows", "0,1", "--out", "maps")
-            call("echofuse-recon", "evaluate", "-q", "m", "a.sqlite", "--per-record", "scores.csv")
-            run, model = echofuse.open(f"{folder}/a"), echofuse.load_model(f"{folder}/m")
-            data = run[:2].to_xarray()
-            tables = [(pathlib.Path(folder) / name).read_text().splitlines()[0] for name in ("maps/records.csv", "scores.csv")]
-            scores = (source / "recon/metrics/metrics.hpp").read_text().partition("metric_names = {")[2].partition("}")[0]
-            used = (of_cpp(), of_python(run, model.predict(run[:2])), of_json() | set(re.findall('"(.*?)"', scores)),
-                    {name for line in tables for name in line.split(",")}, {*data.variables, *data.attrs})
+        call(self.dir, "echofuse-sim", "dataset", "-q", "--people", "60", "--letters", "0", "--out", "a.sqlite")
+        call(self.dir, "echofuse-recon", "train", "-q", "a.sqlite", "--model", "mean-shape", "--out", "m")
+        call(self.dir, "echofuse-recon", "reconstruct", "-q", "m", "a.sqlite", "--rows", "0,1", "--out", "maps")
+        call(self.dir, "echofuse-recon", "evaluate", "-q", "m", "a.sqlite", "--per-record", "scores.csv")
+        run, model = echofuse.open(self.dir / "a"), echofuse.load_model(self.dir / "m")
+        data = run[:2].to_xarray()
+        tables = [(self.dir / name).read_text().splitlines()[0] for name in ("maps/records.csv", "scores.csv")]
+        scores = (source / "recon/metrics/metrics.hpp").read_text().partition("metric_names = {")[2].partition("}")[0]
+        used = (of_cpp(), of_python(run, model.predict(run[:2])), of_json() | set(re.findall('"(.*?)"', scores)),
+                {name for line in tables for name in line.split(",")}, {*data.variables, *data.attrs})
         used = [{OF_SENSOR.sub("", name) for name in names} for names in used]
         found = {name: [place for place, names in zip(INTERFACES, used) if name in names] for name in set.union(*used)}
         glossary = (source / "acquire/GLOSSARY.md").read_text(encoding="utf-8").partition("## Names of values")[2]
@@ -70,4 +58,4 @@ class Names(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    unittest.main(argv=sys.argv[:1])
+    main(Names)

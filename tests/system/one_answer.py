@@ -13,7 +13,6 @@ import signal
 import sqlite3
 import subprocess
 import sys
-import unittest
 import warnings
 from collections import Counter
 from contextlib import closing
@@ -21,12 +20,12 @@ from contextlib import closing
 import live
 from live import WINDOW_S, bin_dir, wait_for
 
-ROOT = pathlib.Path(__file__).resolve().parents[2]
-sys.path += [str(ROOT / "tests/view"), str(ROOT / "recon/python")]
-os.environ |= {"ECHOFUSE_BIN": str(bin_dir), "PYTHONPATH": str(ROOT / "recon/python")}
+import fixtures
+from fixtures import outcome
 from page_socket import Client
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "fixtures"))
-import fixtures  # noqa: E402
+from case import source
+
+os.environ |= {"ECHOFUSE_BIN": str(bin_dir), "PYTHONPATH": str(source / "recon/python")}
 
 try:
     import h5py
@@ -42,10 +41,6 @@ SENSORS = {"spd": 1, "radar": 2, "depth": 4}
 FAULTS = "".join(f'[[fault]]\ndevice = "{device}"\nkind = "{kind}"\nat_s = {at}\nfor_s = {5 * WINDOW_S}\n{amount}\n'
                  for device, kind, at, amount in (*(("depth", "stall", at, "") for at in (3.5, 9, 14)), ("radar", "drop", 5, "amount = 0.5"),
                                                   ("tdc", "gain", 6, "amount = 0.002"), ("depth", "freeze", 7, "")))
-
-
-def outcome(name, *words):
-    return subprocess.run([bin_dir / name, *map(str, words)], capture_output=True, text=True, timeout=120)
 
 
 def kinds(verdicts):
@@ -251,4 +246,4 @@ class OneAnswer(live.Live):
 
 
 if __name__ == "__main__":
-    unittest.main(argv=[sys.argv[0], *(f"OneAnswer.{name}" for name in sys.argv[2:])])
+    live.main(OneAnswer)

@@ -5,31 +5,18 @@ examples are built in a clean folder with CMake and pkg-config. Their output is 
 programs."""
 import json
 import os
-import pathlib
 import re
 import shutil
 import subprocess
-import sys
-import tempfile
-import unittest
 
 import numpy as np
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "fixtures"))
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "recon/python"))
-import echofuse  # noqa: E402
-import fixtures  # noqa: E402
 
-bin_dir = pathlib.Path(sys.argv[1]).resolve()
-source = pathlib.Path(__file__).resolve().parents[2]
+from case import SharedCase, bin_dir, call, main, source
+import echofuse
+import fixtures
+
 examples = source / "recon/examples"
 HEADERS = {"error.hpp", "run.hpp", "record.hpp", "model.hpp", "predict.hpp", "version.hpp"}
-
-
-def run(*words, cwd, **environment):
-    done = subprocess.run(list(map(str, words)), cwd=cwd, capture_output=True, text=True, timeout=240,
-                          env=os.environ | {"PATH": f"{bin_dir}:{os.environ['PATH']}"} | environment)
-    assert done.returncode == 0, f"{words}: {done.returncode}\n{done.stdout}{done.stderr}"
-    return done.stdout
 
 
 # Reads counts and powers, separated by "|", from each line, and prints the outcome of predict().
@@ -72,25 +59,25 @@ extern "C" double body_x(const char* model, const char* run, int record) {
 """
 
 
-class PublicApi(unittest.TestCase):
+class PublicApi(SharedCase):
     @classmethod
     def setUpClass(cls):
-        cls.dir = pathlib.Path(cls.enterClassContext(tempfile.TemporaryDirectory(prefix="echofuse-api-")))
+        super().setUpClass()
         cls.prefix = cls.dir / "opt"
         # The files are installed in a staging folder and then moved, as is done for a package.
-        run("cmake", "--install", bin_dir.parent, "--component", "dev", "--prefix", cls.prefix, cwd=cls.dir, DESTDIR=str(cls.dir / "stage"))
+        call(cls.dir, "cmake", "--install", bin_dir.parent, "--component", "dev", "--prefix", cls.prefix, DESTDIR=str(cls.dir / "stage"))
         shutil.move(str(cls.dir / "stage") + str(cls.prefix), cls.dir)
-        run("echofuse-sim", "dataset", "-q", "--people", 80, "--letters", 0, "--out", "scenes.sqlite", cwd=cls.dir)
-        run("echofuse-recon", "train", "-q", "scenes.sqlite", "--model", "mean-shape", "--out", "m.safetensors", cwd=cls.dir)
+        call(cls.dir, "echofuse-sim", "dataset", "-q", "--people", 80, "--letters", 0, "--out", "scenes.sqlite")
+        call(cls.dir, "echofuse-recon", "train", "-q", "scenes.sqlite", "--model", "mean-shape", "--out", "m.safetensors")
 
     def flags(self):
         package, = self.prefix.rglob("echofuse.pc")
-        flags = run("pkg-config", "--cflags", "--libs", "echofuse", cwd=self.dir, PKG_CONFIG_PATH=str(package.parent)).split()
+        flags = call(self.dir, "pkg-config", "--cflags", "--libs", "echofuse", PKG_CONFIG_PATH=str(package.parent)).split()
         return [*flags, f"-Wl,-rpath,{package.parent.parent}"]
 
     def exported(self, library):
         """Returns the names that a shared library exports, in C++ notation."""
-        table = run("nm", "-D", "-C", "--defined-only", library, cwd=self.dir)
+        table = call(self.dir, "nm", "-D", "-C", "--defined-only", library)
         return {line.split(maxsplit=2)[2].split("@")[0] for line in table.splitlines() if " A " not in line}
 
     def test_library_exports_exactly_the_listed_names(self):
@@ -99,11 +86,11 @@ class PublicApi(unittest.TestCase):
         listed = package.read_text()
         self.assertEqual(self.exported(library), set(re.findall('"(.*)@', listed)))
         self.assertEqual(os.readlink(library), listed.split()[0])
-        self.assertIn(f"Library soname: [{listed.split()[0]}]", run("readelf", "-d", library, cwd=self.dir))
+        self.assertIn(f"Library soname: [{listed.split()[0]}]", call(self.dir, "readelf", "-d", library))
 
     def test_plugin_exports_at_most_20_names_of_the_library(self):
         (self.dir / "plugin.cpp").write_text(PLUGIN)
-        run("g++", "-std=c++20", "-shared", "-fPIC", "plugin.cpp", *self.flags(), "-o", "plugin.so", cwd=self.dir)
+        call(self.dir, "g++", "-std=c++20", "-shared", "-fPIC", "plugin.cpp", *self.flags(), "-o", "plugin.so")
         names = {name for name in self.exported(self.dir / "plugin.so") if "echofuse" in name}
         self.assertLessEqual(len(names), 20, names)
 
@@ -114,18 +101,17 @@ class PublicApi(unittest.TestCase):
 
     def test_verdict_codes_are_those_of_the_programs(self):
         codes = re.search(r"enum class VerdictCode .*?};", (examples.parent / "include/echofuse/record.hpp").read_text(), re.S)[0]
-        rows = json.loads(run("echofuse-acquire", "verdicts", "--json", cwd=self.dir))["verdicts"]
+        rows = json.loads(call(self.dir, "echofuse-acquire", "verdicts", "--json"))["verdicts"]
         self.assertEqual(re.findall("///< `(.*)`", codes), [row["word"] for row in rows if row["word"] != "other"])
 
     def test_cmake_example_predicts_the_same_map_as_reconstruct(self):
         project = self.dir / "predict"
         shutil.copytree(examples / "predict", project)
         self.assertLessEqual(len((project / "predict.cpp").read_text().splitlines()), 40)
-        run("cmake", "-B", "build", f"-DCMAKE_PREFIX_PATH={self.prefix}", cwd=project)
-        run("cmake", "--build", "build", cwd=project)
-        *rows, last = run(project / "build/predict", "m.safetensors", "scenes", 7, cwd=self.dir).splitlines()
-        run("echofuse-recon", "reconstruct", "-q", "m.safetensors", "scenes.sqlite", "--rows", 7, "--format", "foreground", "--out", "maps",
-            cwd=self.dir)
+        call(project, "cmake", "-B", "build", f"-DCMAKE_PREFIX_PATH={self.prefix}")
+        call(project, "cmake", "--build", "build")
+        *rows, last = call(self.dir, project / "build/predict", "m.safetensors", "scenes", 7).splitlines()
+        call(self.dir, "echofuse-recon", "reconstruct", "-q", "m.safetensors", "scenes.sqlite", "--rows", 7, "--format", "foreground", "--out", "maps")
         depth = np.nan_to_num(np.load(self.dir / "maps/thresholded.npy"))[0]
         self.assertEqual(rows, ["".join(str(int(z) % 10) if z > 0 else "." for z in row) for row in depth])
         self.assertRegex(last, r"^body at x = -?\d\.\d\d m, z = \d\.\d\d m, 90 % interval of x \+- \d\.\d\d m$")
@@ -133,23 +119,22 @@ class PublicApi(unittest.TestCase):
     def test_pkg_config_examples_read_and_follow_runs(self):
         flags = self.flags()
         for name in ("read_run", "follow_run"):
-            run("g++", "-std=c++20", "-Wall", "-Wextra", "-Wconversion", "-Werror", examples / f"{name}.cpp", *flags, "-o", self.dir / name,
-                cwd=self.dir)
-        said = run(self.dir / "read_run", "scenes", cwd=self.dir).splitlines()
+            call(self.dir, "g++", "-std=c++20", "-Wall", "-Wextra", "-Wconversion", "-Werror", examples / f"{name}.cpp", *flags, "-o", self.dir / name)
+        said = call(self.dir, self.dir / "read_run", "scenes").splitlines()
         self.assertRegex(said[0], r"^scenes: complete, 80 records of \d+ s$")
         self.assertEqual(len(said), 81)
         self.assertRegex(said[1], r"^record 0 person: \d{3,} clicks, histogram peak at \d\.\d\d m$")
-        said = run(self.dir / "follow_run", "m.safetensors", "scenes", cwd=self.dir).splitlines()
+        said = call(self.dir, self.dir / "follow_run", "m.safetensors", "scenes").splitlines()
         self.assertEqual(len(said), 80)
         self.assertRegex(said[0], r"^record 0: depth at the centre \d\.\d\d m, body at x = -?\d\.\d\d m, z = \d\.\d\d m")
         fixtures.changed(self.dir / "scenes.sqlite", self.dir / "damaged.sqlite", "histogram of one byte in record ?1", 3)
-        skipped = run(self.dir / "follow_run", "m.safetensors", "damaged", cwd=self.dir).splitlines()
+        skipped = call(self.dir, self.dir / "follow_run", "m.safetensors", "damaged").splitlines()
         self.assertRegex(skipped[3], "^record 3: no map: .*spd")
         self.assertEqual([*skipped[:3], *skipped[4:]], [*said[:3], *said[4:]])
 
     def test_predict_judges_the_same_arrays_alike_in_cpp_and_python(self):
         (self.dir / "judge.cpp").write_text(JUDGE)
-        run("g++", "-std=c++20", self.dir / "judge.cpp", *self.flags(), "-o", self.dir / "judge", cwd=self.dir)
+        call(self.dir, "g++", "-std=c++20", self.dir / "judge.cpp", *self.flags(), "-o", self.dir / "judge")
         model, whole = echofuse.load_model(self.dir / "m.safetensors"), echofuse.open(self.dir / "scenes")
         counts, power = whole.photons()[0], whole.power()[0]
 
@@ -180,12 +165,12 @@ class PublicApi(unittest.TestCase):
             unit = self.dir / f"{header}.cpp"
             unit.write_text(f"#include <echofuse/{header}>\n")
             words = ("g++", "-std=c++20", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror", f"-I{include}", unit)
-            run(*words, "-fsyntax-only", cwd=self.dir)
-            others = [name for name in run(*words, "-M", cwd=self.dir).split()
+            call(self.dir, *words, "-fsyntax-only")
+            others = [name for name in call(self.dir, *words, "-M").split()
                       if not name.startswith((str(include), str(self.dir), "/usr/include/c++", "/usr/lib/gcc")) and any(
                           word in name.lower() for word in ("boost", "asio", "eigen", "sqlite", "opencv"))]
             self.assertEqual(others, [], header)
 
 
 if __name__ == "__main__":
-    unittest.main(argv=sys.argv[:1])
+    main(PublicApi)

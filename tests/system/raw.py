@@ -2,15 +2,11 @@
 # SPDX-License-Identifier: MIT
 """Tests that importing a raw capture gives the same records as the live run with --keep-raw, even after faults and
 reconnections. Called as `tests/system/raw.py BIN_DIR`."""
-import pathlib
 import re
 import sqlite3
 import subprocess
-import sys
-import tempfile
-import unittest
 
-bin_dir = pathlib.Path(sys.argv[1]).resolve()
+from case import Case, bin_dir, main
 
 COLUMNS = "SELECT idx, slot_start_ns, closed_late_s, valid, tags, in_range, spd_verdict, radar_verdict, radar_used, spd, radar, depth FROM record"
 
@@ -40,9 +36,9 @@ for_s = 0.3
 """
 
 
-class Raw(unittest.TestCase):
+class Raw(Case):
     def setUp(self):
-        self.dir = pathlib.Path(self.enterContext(tempfile.TemporaryDirectory(prefix="echofuse-")))
+        super().setUp()
         self.raw, self.run = self.dir / "raw", self.dir / "run.sqlite"
 
     def record(self, *lab, count):
@@ -93,4 +89,4 @@ class Raw(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    unittest.main(argv=[sys.argv[0], *(f"Raw.{name}" for name in sys.argv[2:])])
+    main(Raw)

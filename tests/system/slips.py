@@ -5,14 +5,15 @@
 import functools
 import pathlib
 import re
+import shlex
 import struct
 import subprocess
 import sys
 import tempfile
 
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "fixtures"))
-import fixtures  # noqa: E402
-bin_dir = pathlib.Path(sys.argv[1]).resolve()
+from case import bin_dir, source
+import fixtures
+
 # Each line contains a command, the expected exit code, and a string that the output must contain.
 TABLE = """
 recon trian | 2 | trian: no such command; the most similar name is train
@@ -78,6 +79,25 @@ recon evaluate three.toml seen.sqlite | 1 | three.toml
 recon evaluate nomodel seen.sqlite --surprise | 2 | --surprise
 acquire config | 2 | subcommand is required
 acquire run --out a --duration -1h | 2 | positive
+acquire run --out a --config none.toml | 3 | none.toml: cannot read
+acquire config check --config none.toml | 3 | none.toml: cannot read
+acquire devices --config none.toml | 3 | none.toml: cannot read
+acquire doctor --config none.toml | 3 | none.toml: cannot read
+acquire run --out a --config closed.toml --set depth.adress=openni: | 3 | depth.adress=openni:: unknown key; the most similar known name is "depth.address"
+acquire run --out a --config closed.toml --set tdc.address=carrier:pigeon | 3 | carrier:pigeon
+acquire run --out seen --config closed.toml | 1 | seen.sqlite: exists already
+acquire run --out no/a --config closed.toml | 6 | its folder does not exist
+acquire run --out a --config closed.toml --set tdc.policy="required" --set run.connect_timeout_s=0.2 | 4 | a required device delivered no data within 0.2 s
+acquire run --out a --config closed.toml --meta room | 2 | --meta room: expected key=value
+acquire run --out a --config closed.toml --meta irf_fwhm_ps=abc | 2 | --meta: expected a response
+acquire run --out a --config closed.toml --meta irf_fwhm_ps=-3 | 2 | --meta: expected a response
+acquire run --out a --config closed.toml --meta 'radar_taps=1 1 1' | 2 | --meta: expected a response
+acquire run --out a --config closed.toml --meta a=1 --meta b=1 --meta a=2 | 2 | --meta a: given twice
+acquire run --out a --config closed.toml --meta uuid=1 | 2 | --meta uuid=1: uuid is a name that echofuse uses itself
+acquire run --out a --config closed.toml --meta status=1 | 2 | status is a name that echofuse uses itself
+acquire run --out a --config closed.toml --meta spd_offset_m=1 | 2 | spd_offset_m is a name that echofuse uses itself
+acquire run --out a --config closed.toml --meta detector_dead_time_ps=1 | 2 | detector_dead_time_ps is a name that echofuse uses itself
+acquire run --out a --config closed.toml --meta _NCProperties=1 | 2 | _NCProperties is a name that echofuse uses itself
 sim dataset | 2 | --out
 sim dataset --out x --people 0 --letters 0 | 2 | no records
 sim dataset --out x --set irf_fwmh_ps=3 | 3 | irf_fwhm_ps
@@ -85,6 +105,7 @@ sim dataset --out x --set irf_fwhm_ps=-3 | 3 | a number from 0.1
 sim dataset --out x --set radar_psf=kaiser | 3 | blackman
 sim dataset --out x --set target_z_min_m=4.5 | 3 | target_z_min_m
 sim dataset --out x --config none.toml | 3 | none.toml
+sim dataset --out x --config three.toml | 3 | three.toml:2:
 sim dataset --out three.toml --records 1 | 1 | exists already
 sim dataset --out no/such/x --records 1 | 6 | no/such/x: its folder does not exist
 recon evaluate seen.sqlite swapped.safetensors | 1 | seen.sqlite: is a run; expected a model file
@@ -96,12 +117,15 @@ sim dataset --help | 0 | default: 4000
 bench stability --help | 0 | default: nearest mean-shape
 bench run --help | 0 | bench-runs)
 acquire info --version | 0 | echofuse-acquire 
+recon --version | 0 | , matrix
+sim | 2 | A subcommand is required
+sim --version | 0 | echofuse-sim 
+sim dataset --help | 0 | --two-people
 report --version | 0 | echofuse-report 
 acquire annotate seen.sqlite | 2 | expected either TEXT or --label TEXT
 acquire list nofolder | 1 | nofolder
 acquire devices --config closed.toml | 4 | Connection refused; is its bridge running? Start /
 """
-
 
 @functools.cache
 def stated_codes(program, *command):
@@ -110,13 +134,12 @@ def stated_codes(program, *command):
     found = re.search(r"^exit codes:(.*(?:\n .*)*)", text, re.M)
     return set(re.findall(r"(?:^|[ ,])(\d+) [a-z]", found[1])) if found and "COMMAND" not in found[1] else set("0123456")
 
-
 faults = []
 for program, command, wanted in (("acquire", ("run",), "0 1 2 3 4 5 6 130"), ("acquire", ("list",), "0 1 2 3"),
                                  ("recon", ("evaluate",), "0 1 2 6 130"), ("view", (), "0 1 2"), ("export", (), "0 1 2 5 6 130")):
     if stated_codes(program, *command) != set(wanted.split()):
         faults.append(f"{program} {command}: --help lists {sorted(stated_codes(program, *command))}, expected {wanted}")
-bridges = pathlib.Path(__file__).resolve().parents[2] / "scripts/bridges"
+bridges = source / "scripts/bridges"
 for bridge in (bridges / f"{name}.py" for name in ("timetagger", "orbbec", "realsense", "tmf8820", "example")):
     for word, says in (("--version", f"{bridge.name} "), ("--help", "exit codes: 0 ok, 1 failed, 2 usage, 4 device")):
         done = subprocess.run([sys.executable, bridge, word], capture_output=True, text=True)
@@ -134,7 +157,7 @@ with tempfile.TemporaryDirectory() as folder:
     for line in TABLE.strip().splitlines():
         words, code, says = (part.strip() for part in line.split(" | "))
         template = bin_dir.parent / "share/echofuse/lab.toml"
-        program, *rest = words.replace("TEMPLATE", str(template)).split()
+        program, *rest = shlex.split(words.replace("TEMPLATE", str(template)))
         done = subprocess.run([bin_dir / f"echofuse-{program}", *rest], cwd=folder, capture_output=True, text=True, timeout=120,
                               env={"HOME": folder, "PATH": "/usr/bin:/bin"})
         said = done.stdout + done.stderr

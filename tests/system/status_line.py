@@ -8,11 +8,9 @@ import pty
 import re
 import signal
 import struct
-import sys
 import termios
 import threading
 import time
-import unittest
 
 import live
 from live import wait_for
@@ -108,4 +106,4 @@ class StatusLine(live.Live):
 
 
 if __name__ == "__main__":
-    unittest.main(argv=[sys.argv[0], *(f"StatusLine.{name}" for name in sys.argv[2:])])
+    live.main(StatusLine)

@@ -4,14 +4,11 @@
 as `tests/system/usb.py BIN_DIR`."""
 import json
 import os
-import pathlib
 import sqlite3
 import subprocess
-import sys
-import tempfile
-import unittest
 
-bin_dir = pathlib.Path(sys.argv[1]).resolve()
+from case import Case, bin_dir, main
+
 usb_lab = bin_dir.parent / "tests/usb_lab"
 environment = os.environ | {"PATH": f"{bin_dir}:{os.environ['PATH']}"}
 # The number of photons per slot is constant, so longer slots reduce the number of tags per second.
@@ -22,29 +19,28 @@ COUNTERS = ("SELECT name, value FROM counter WHERE source = 'spd' AND name NOT I
             "('bytes', 'blocks', 'tags', 'outside')")
 
 
-class Usb(unittest.TestCase):
+class Usb(Case):
     def test_daemon_records_from_an_emulated_usb_tagger(self):
-        with tempfile.TemporaryDirectory(prefix="echofuse-") as folder:
-            lab, run = pathlib.Path(folder) / "lab", pathlib.Path(folder) / "run.sqlite"
-            raw = pathlib.Path(folder) / "raw"
-            done = subprocess.run(
-                [usb_lab, "--dir", lab, "--scene", "mixed", "--hold", "1", "--window",
-                 str(WINDOW_S), "--", "echofuse-acquire", "run", "--config", lab / "lab.toml", "--out", run, "--count",
-                 "10", "--keep-raw", raw], stderr=subprocess.PIPE, text=True, timeout=60, env=environment)
-            self.assertEqual(done.returncode, 0, done.stderr)
-            sent = json.loads((lab / "sent.json").read_text())["tdc"]
-            again = run.with_name("again.sqlite")
-            subprocess.run([bin_dir / "echofuse-acquire", "import", raw, "--out", again], check=True)
-            db = sqlite3.connect(again)
-            imported = [dict(db.execute(COUNTERS)),
-                        db.execute("SELECT spd FROM record ORDER BY idx").fetchall()]
-            db.close()
-            db = sqlite3.connect(run)
-            counted = [dict(db.execute(COUNTERS)),
-                       db.execute("SELECT spd FROM record ORDER BY idx").fetchall()]
-            rows = db.execute("SELECT valid, spd_lost FROM record ORDER BY idx").fetchall()
-            devices = dict(db.execute("SELECT sensor, serial FROM device").fetchall())
-            db.close()
+        lab, run = self.dir / "lab", self.dir / "run.sqlite"
+        raw = self.dir / "raw"
+        done = subprocess.run(
+            [usb_lab, "--dir", lab, "--scene", "mixed", "--hold", "1", "--window",
+             str(WINDOW_S), "--", "echofuse-acquire", "run", "--config", lab / "lab.toml", "--out", run, "--count",
+             "10", "--keep-raw", raw], stderr=subprocess.PIPE, text=True, timeout=60, env=environment)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        sent = json.loads((lab / "sent.json").read_text())["tdc"]
+        again = run.with_name("again.sqlite")
+        subprocess.run([bin_dir / "echofuse-acquire", "import", raw, "--out", again], check=True)
+        db = sqlite3.connect(again)
+        imported = [dict(db.execute(COUNTERS)),
+                    db.execute("SELECT spd FROM record ORDER BY idx").fetchall()]
+        db.close()
+        db = sqlite3.connect(run)
+        counted = [dict(db.execute(COUNTERS)),
+                   db.execute("SELECT spd FROM record ORDER BY idx").fetchall()]
+        rows = db.execute("SELECT valid, spd_lost FROM record ORDER BY idx").fetchall()
+        devices = dict(db.execute("SELECT sensor, serial FROM device").fetchall())
+        db.close()
         self.assertEqual(rows, [(7, 0)] * 10, done.stderr)
         self.assertEqual(devices["spd"], "SIM-USB-1")
         # Importing the raw capture must give the same counters and histograms as the live run.
@@ -57,4 +53,4 @@ class Usb(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    unittest.main(argv=[sys.argv[0], *(f"Usb.{name}" for name in sys.argv[2:])])
+    main(Usb)
