@@ -11,11 +11,10 @@ import tempfile
 import unittest
 
 import testing
-from testing import Client, Program, here, np, root
+from testing import Client, Program, here, np, root, run_program
 
 import bridge
 
-bin_dir = pathlib.Path(sys.argv[1])
 PATH = f"{root}/scripts/bridges:{here}"
 SLOTS = 60
 
@@ -54,12 +53,6 @@ class Example(unittest.TestCase):
 
 
 class Recording(unittest.TestCase):
-    def run_program(self, *words, ok=(0,)):
-        done = subprocess.run([bin_dir / words[0], *map(str, words[1:])], capture_output=True,
-                              text=True, timeout=300)
-        self.assertIn(done.returncode, ok, done.stderr)
-        return done.stdout
-
     def test_data_of_custom_sensors_can_be_recorded_displayed_and_used_for_training(self):
         folder = tempfile.TemporaryDirectory(prefix="echofuse-")
         self.addCleanup(folder.cleanup)
@@ -70,7 +63,7 @@ class Recording(unittest.TestCase):
             for table, sensor in (("tdc", board), ("radar", radar), ("depth", camera)):
                 config += '[%s]\naddress = "bridge:tcp://%s:%d"\n' % (table, *sensor.address)
             (place / "lab.toml").write_text(config, encoding="utf-8")
-            self.run_program("echofuse-acquire", "run", "--config", place / "lab.toml", "--out",
+            run_program("echofuse-acquire", "run", "--config", place / "lab.toml", "--out",
                              place / "run", "--count", SLOTS, "--keep-raw", place / "raw")
         complete = self.check_run(place / "run.sqlite")
         for command in (("echofuse-recon", "train", place / "run.sqlite", "--model", "ridge",
@@ -79,13 +72,13 @@ class Recording(unittest.TestCase):
                          "--out", place / "maps", "-q"),
                         ("echofuse-acquire", "import", place / "raw", "--out", place / "again")):
             # Code 5: a record lacks a sensor, because a process was starved.
-            self.run_program(*command, ok=(0, 5) if "reconstruct" in command else (0,))
+            run_program(*command, ok=(0, 5) if "reconstruct" in command else (0,))
         self.assertGreaterEqual(len(list((place / "maps").glob("*.png"))), complete)
         with sqlite3.connect(place / "run.sqlite") as live, \
                 sqlite3.connect(place / "again.sqlite") as again:
             query = "SELECT spd, radar FROM record WHERE valid = 7 ORDER BY idx LIMIT 40"
             self.assertEqual(again.execute(query).fetchall(), live.execute(query).fetchall())
-        self.assertIn("R1", self.run_program("echofuse-acquire", "info", place / "run.sqlite"))
+        self.assertIn("R1", run_program("echofuse-acquire", "info", place / "run.sqlite"))
 
     def check_run(self, path):
         with sqlite3.connect(path) as db:

@@ -143,5 +143,12 @@ class Program:
         return tuple(map(int, re.search(r"sent (\d+) \w+ to (\d+) clients, and dropped (\d+)", self.said()).groups()))
 
 
+def run_program(*words, ok=(0,)):
+    """Runs a program of the tested build and returns its output. The exit code must be one of `ok`."""
+    done = subprocess.run([pathlib.Path(sys.argv[1]) / words[0], *map(str, words[1:])], capture_output=True, text=True, timeout=300)
+    assert done.returncode in ok, done.stderr
+    return done.stdout
+
+
 def main():
     unittest.main(argv=[sys.argv[0], *sys.argv[2:]])

@@ -69,7 +69,9 @@ class Arguments(unittest.TestCase):
                     ["--trigger-level", "2"], ["--trigger-level", "2=x"], ["--trigger-level", "2=nan"],
                     ["--trigger-level", "3=0.1"], ["--input-delay", "1=0.5"], ["--dead-time", "2=-1"],
                     ["--event-divider", "1=65536"], ["--max-events", "0"], ["--block-ms", "0"],
-                    ["--conditional-filter", "-1"], ["--conditional-filter", "48000", "--event-divider", "1=4"], ["--no-such"], ["extra"]):
+                    ["--conditional-filter", "-1"], ["--conditional-filter", "48000", "--event-divider", "1=4"], ["--no-such"], ["extra"],
+                    ["--file", "a.ttbin", "--network", "lab"], ["--file", "a.ttbin", "--trigger-level", "1=0.5"],
+                    ["--network", "lab", "--resolution", "HighResA"], ["--network", "lab", "--serial", "1"]):
             with self.subTest(bad), contextlib.redirect_stderr(io.StringIO()) as said:
                 with self.assertRaises(SystemExit) as ended:
                     options(*bad)
@@ -289,23 +291,6 @@ class Process(unittest.TestCase):
             self.assertEqual(calls()[-len(opening):], opening)  # all settings are sent again
             self.assertIn("isRunning failed; trying again", program.said())
             self.assertEqual(program.stop(), 0)
-
-    def test_unplugged_tagger_is_reopened(self):
-        """Uses a device for which isRunning() remains true. The client must still get a bye block."""
-        with Program("timetagger.py", STAND_IN_UNPLUGGED="20") as program:
-            with Client(program.address) as client:
-                self.assertIn(bridge.TAGS, [b.kind for b in client.until(bridge.BYE)])
-            with connect(program.address) as client:
-                client.until(bridge.TAGS)
-            self.assertIn("the device does not answer; it is disconnected; trying again", program.said())
-            self.assertEqual([c[0] for c in program.calls()].count("createTimeTagger"), 2)
-            self.assertEqual(program.stop(), 0)
-
-    def test_bridge_program_runs_with_an_old_vendor_library(self):
-        with Program("timetagger.py", STAND_IN_OLD="1") as program, Client(program.address) as client:
-            client.until(bridge.TAGS)
-            self.assertEqual(program.stop(), 0)
-            self.assertIn("TimeTagStream", [c[0] for c in program.calls()])
 
     def test_slow_client_receives_the_number_of_lost_tags(self):
         with Program("timetagger.py", STAND_IN_PULSES_PER_S="inf") as program, Client(program.address) as client:

@@ -23,7 +23,7 @@ import pack
 import recorder
 import TimeTagger as library
 import vendor
-from timetagger_bridge import open_tagger, options
+from timetagger_bridge import open_tagger
 
 
 class Shared(unittest.TestCase):
@@ -86,14 +86,6 @@ class Shared(unittest.TestCase):
         self.assertEqual(scan("2", STAND_IN_PLATEAU="none").returncode, 5)
         said = scan("2", "--network", "lab", STAND_IN_LISTEN="1")
         self.assertEqual((said.returncode, "AccessMode.Listen" in said.stderr), (4, True))
-
-    def test_conflicting_tagger_options_are_refused(self):
-        for bad in (["--file", "a.ttbin", "--network", "lab"], ["--file", "a.ttbin", "--trigger-level", "1=0.5"],
-                    ["--network", "lab", "--resolution", "HighResA"], ["--network", "lab", "--serial", "1"]):
-            with self.subTest(bad), contextlib.redirect_stderr(io.StringIO()), self.assertRaises(SystemExit) as ended:
-                options(*bad)
-            self.assertEqual(ended.exception.code, 2)
-
 
 class Python(unittest.TestCase):
     def test_bridge_runs_with_the_interpreter_of_a_virtual_environment(self):

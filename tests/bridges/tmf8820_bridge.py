@@ -18,7 +18,7 @@ import tty
 import unittest
 
 import testing
-from testing import Client, Program, here, np, root
+from testing import Client, Program, here, np, root, run_program
 
 sys.path.append(str(here.parent / "view"))
 import bridge
@@ -148,11 +148,6 @@ class Reader(unittest.TestCase):
 
 
 class Recording(unittest.TestCase):
-    def run_program(self, *words):
-        done = subprocess.run([bin_dir / words[0], *map(str, words[1:])], capture_output=True, text=True, timeout=300)
-        self.assertEqual(done.returncode, 0, done.stderr)
-        return done.stdout
-
     def check_page(self, run):
         with subprocess.Popen([bin_dir / "echofuse-view", run, "--listen", "127.0.0.1:0"], stdout=subprocess.PIPE,
                               stderr=subprocess.DEVNULL, text=True) as view:
@@ -174,22 +169,22 @@ class Recording(unittest.TestCase):
                 (place / "lab.toml").write_text(
                     'run.window_s = 0.2\ntdc.address = "bridge:tcp://%s:%d"\ndepth.address = "bridge:tcp://%s:%d"\n'
                     % (*chip.address, *camera.address), encoding="utf-8")
-                self.run_program("echofuse-acquire", "run", "--config", place / "lab.toml", "--out", place / "run",
+                run_program("echofuse-acquire", "run", "--config", place / "lab.toml", "--out", place / "run",
                                  "--count", SLOTS)
-                self.assertIn("; zones ", self.run_program("echofuse-acquire", "doctor", "--config",
+                self.assertIn("; zones ", run_program("echofuse-acquire", "doctor", "--config",
                                                            place / "lab.toml"))
             run = place / "run.sqlite"
-            told = json.loads(self.run_program("echofuse-acquire", "info", run, "--json"))
+            told = json.loads(run_program("echofuse-acquire", "info", run, "--json"))
             self.assertEqual(len(told["zones"]), 9)
             self.assertTrue(all(zone["clicks"] > 0 and abs(zone["x"]) <= 0.17 for zone in told["zones"]))
-            self.assertIn("zones     9, clicks ", self.run_program("echofuse-acquire", "info", run))
+            self.assertIn("zones     9, clicks ", run_program("echofuse-acquire", "info", run))
             self.assertGreater(told["valid"]["spd"], 0.8 * SLOTS)
             self.check_page(run)
             model = place / "model.safetensors"
-            self.run_program("echofuse-recon", "train", run, "--model", "ridge", "--inputs", "spd", "--out", model, "-q")
-            self.run_program("echofuse-recon", "reconstruct", model, run, "--out", place / "maps", "-q")
+            run_program("echofuse-recon", "train", run, "--model", "ridge", "--inputs", "spd", "--out", model, "-q")
+            run_program("echofuse-recon", "reconstruct", model, run, "--out", place / "maps", "-q")
             self.assertGreaterEqual(len(list((place / "maps").glob("*.png"))), SLOTS // 2)
-            self.run_program("echofuse-report", place / "page", "--run", run, "--model", model,
+            run_program("echofuse-report", place / "page", "--run", run, "--model", model,
                              "--live", run)
             self.assertIn("ridge, SPD alone", (place / "page/report.html").read_text(encoding="utf-8"))
 

@@ -8,11 +8,6 @@ click 20000 + 100 * (k % 200) ps later, where k is the pulse number. An overflow
 Names and arguments are those in the vendor's documentation of version 2.22 (TimeTagger classes,
 Time-tag streaming, Helper classes, Raw Time-Tag-Stream access) and in its headers TimeTagger.h and
 Iterators.h; signatures.py compares them. Environment variables select faults:
-  STAND_IN_OLD=1        the library has no CustomMeasurement
-  STAND_IN_UNPLUGGED=n  tags end with the n-th batch of 20 ms and sync() times out, while
-                        isRunning() remains true; the device works again after it is opened again
-  STAND_IN_DARK=n       tags end with the n-th batch but sync() succeeds, as if the laser were off
-  STAND_IN_VERSION=x    getVersion() returns x
   STAND_IN_FOREIGN=1    the stream has tags of channels that other clients requested
   STAND_IN_LISTEN=1     the server rejects all settings
   STAND_IN_SERVER=n     the server disconnects at the n-th check of the connection
@@ -33,8 +28,9 @@ RATE = float(os.environ.get("STAND_IN_PULSES_PER_S", "50000"))  # with inf, the 
 DEAD_TIME_STEP_PS = 2000
 BLOCK_S, BLOCK_TAGS = 0.02, 131072  # default values of setStreamBlockSize()
 TAG = np.dtype([("type", "u1"), ("missed_events", "u2"), ("channel", "i4"), ("time", "i8")], align=True)
-unplugged = int(os.environ.get("STAND_IN_UNPLUGGED", "0"))
-dark = int(os.environ.get("STAND_IN_DARK", "0"))
+# Tags end with this batch of 20 ms, if it is not 0, while isRunning() remains true. sync() times out if the device is unplugged,
+# but not if the laser is off.
+unplugged = dark = 0
 
 
 class Resolution:
@@ -42,11 +38,11 @@ class Resolution:
 
 
 def getVersion():
-    return os.environ.get("STAND_IN_VERSION", "2.22.0")
+    return "2.22.0"
 
 
 def scanTimeTagger():
-    return os.environ.get("STAND_IN_SERIALS", "STAND-IN-1").split()
+    return ["STAND-IN-1"]
 
 
 def createTimeTagger(serial="", resolution=0):
@@ -65,10 +61,7 @@ def createTimeTaggerVirtual(filename="", begin=0, duration=-1):
 
 
 def freeTimeTagger(tagger):
-    global unplugged
     called("freeTimeTagger")
-    if tagger.silent and unplugged:
-        unplugged = 0
 
 
 class TimeTagger:
@@ -344,6 +337,3 @@ class CustomMeasurement:
             with open(path, "w", encoding="utf-8") as file:
                 file.write(str(time.thread_time() - in_process))
 
-
-if os.environ.get("STAND_IN_OLD"):
-    del CustomMeasurement
