@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: MIT
 """Tests echofuse.write_run and `echofuse-acquire import FOLDER`, which convert NumPy arrays to a run."""
-import os
 import resource
 
 import numpy as np
@@ -412,10 +411,3 @@ def test_save_maps_refuses_wrong_record_indices(tmp_path, said, maps, index):
         echofuse.save_maps(tmp_path / "maps", maps, index, run=run)
     assert said in str(refused.value) and not (tmp_path / "maps").exists()
 
-
-def test_open_refuses_a_folder_and_a_special_file(tmp_path):
-    (tmp_path / "a.sqlite").mkdir()
-    os.mkfifo(tmp_path / "b.sqlite")
-    for place, kind in ((tmp_path, IsADirectoryError), (tmp_path / "a", IsADirectoryError), (tmp_path / "b", ValueError), ("/dev/null", ValueError)):
-        with pytest.raises(kind, match="is (a folder|not a regular file); expected a run file"):
-            echofuse.open(place)

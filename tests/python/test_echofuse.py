@@ -163,15 +163,6 @@ def test_indexing_a_run_gives_a_run_of_the_selected_records(folder, rows):
     assert [record.index for record in part] == wanted.tolist() and run[np.int64(-1)].index == 59
 
 
-def test_median_is_subtracted_from_radar_power_that_includes_the_noise(folder, tmp_path):
-    path = tmp_path / "noise.sqlite"
-    path.write_bytes((folder / "monday.sqlite").read_bytes())
-    change(path, "radar power includes the noise")
-    run = echofuse.open(path)
-    assert np.allclose(np.median(run.power(), axis=1), 0, atol=.1) and run.power_axis.quantity == "power"
-    assert np.array_equal(run.radar, echofuse.open(folder / "monday").radar)
-
-
 def test_load_model_refuses_files_of_another_kind(folder, tmp_path):
     with pytest.raises(FileNotFoundError):
         echofuse.load_model(tmp_path / "m")
@@ -271,13 +262,6 @@ def test_copy_of_a_crashed_run_without_its_wal_file_has_status_crashed_no_wal(fo
         assert outcome("echofuse-acquire", "annotate", path, "x").returncode == 1
         assert json_of("echofuse-acquire", "info", path)["status"] == "crashed, no -wal"
     assert sorted(file.name for file in tmp_path.glob("copy*")) == ["copy.sqlite", *["copy.sqlite-wal"] * (wal is not None)]
-
-
-def test_status_of_a_vacuum_copy_says_that_it_is_a_copy_of_an_open_run(folder, tmp_path):
-    with closing(open_run(folder, tmp_path / "a.sqlite")) as db:
-        db.execute("VACUUM INTO ?", (str(tmp_path / "copy.sqlite"),))
-    run = echofuse.open(tmp_path / "copy")
-    assert run.info["status"] == "copy of an open run" and list(run.follow()) == [0, 1, 2]
 
 
 def another_run(folder, path, files):
