@@ -4,7 +4,6 @@
 `tests/recon/report_page.py BIN_DIR`. Checks that nothing overflows, overlaps or stays empty, and that the page
 contacts no server. Links and keys must show the records in the file. Untrusted text must be shown but not executed. Exits with code 77 if Chromium is not installed."""
 import pathlib
-import subprocess
 import sys
 import tempfile
 import time
@@ -13,13 +12,9 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
 import chromium
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "fixtures"))
 import fixtures  # noqa: E402
+from fixtures import program  # noqa: E402
 
-bin_dir = pathlib.Path(sys.argv[1]).resolve()
 faults = []
-
-
-def run(*words):
-    subprocess.run([bin_dir / words[0], *map(str, words[1:])], check=True, stdout=subprocess.DEVNULL)
 
 
 def check(name, holds):
@@ -92,15 +87,15 @@ def fits(browser, name):
 
 with tempfile.TemporaryDirectory() as folder:
     folder = pathlib.Path(folder)
-    run("echofuse-sim", "dataset", "-q", "--out", folder / "run.sqlite", "--records", 240)
+    program("echofuse-sim", "dataset", "-q", "--out", folder / "run.sqlite", "--records", 240)
     fixtures.change(folder / "run.sqlite", "label <!--<script> instead of person")
     for inputs in ("fused", "spd"):
-        run("echofuse-recon", "train", "-q", folder / "run.sqlite", "--model", "ridge", "--set", "fallback=false", "--inputs", inputs, "--out",
+        program("echofuse-recon", "train", "-q", folder / "run.sqlite", "--model", "ridge", "--set", "fallback=false", "--inputs", inputs, "--out",
             folder / f"{inputs}.h5")
-    run("echofuse-report", folder / "page", "--run", folder / "run.sqlite", "--model", folder / "fused.h5", folder / "spd.h5",
+    program("echofuse-report", folder / "page", "--run", folder / "run.sqlite", "--model", folder / "fused.h5", folder / "spd.h5",
         "--live", folder / "run.sqlite")
-    run("echofuse-report", folder / "compared", "--run", folder / "run.sqlite", "--compare", folder / "fused.h5", folder / "spd.h5")
-    run("echofuse-report", folder / "alone", "--live", folder / "run.sqlite")
+    program("echofuse-report", folder / "compared", "--run", folder / "run.sqlite", "--compare", folder / "fused.h5", folder / "spd.h5")
+    program("echofuse-report", folder / "alone", "--live", folder / "run.sqlite")
     browser = chromium.start()
     try:
         browser.set_page_load_timeout(90)

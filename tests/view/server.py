@@ -36,12 +36,8 @@ class Server(unittest.TestCase):
     def setUpClass(cls):
         cls.dir = pathlib.Path(cls.enterClassContext(tempfile.TemporaryDirectory(prefix="echofuse-")))
         cls.run_file = cls.dir / "scenes.sqlite"
-        cls.program("sim", "dataset", "--out", cls.run_file, "--records", RECORDS)
+        fixtures.program("echofuse-sim", "dataset", "--out", cls.run_file, "--records", RECORDS)
         cls.address = cls.enterClassContext(cls.viewer(cls.dir))
-
-    @staticmethod
-    def program(name, *words):
-        subprocess.run([bin_dir / f"echofuse-{name}", *map(str, words)], check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 
     @staticmethod
     @contextlib.contextmanager
@@ -134,7 +130,7 @@ class Server(unittest.TestCase):
 
     def test_viewer_marks_records_on_which_the_model_was_trained(self):
         model = self.dir / "model.safetensors"
-        self.program("recon", "train", self.run_file, "--model", "mean", "--out", model)
+        fixtures.program("echofuse-recon", "train", self.run_file, "--model", "mean", "--out", model)
         client = Client(self.enterContext(self.viewer(self.run_file, "--model", model)))
         self.assertFalse(client.until("run")["calibrated"])
         seen = 0
@@ -149,8 +145,8 @@ class Server(unittest.TestCase):
         record."""
         run, model = (self.dir / "track" / name for name in ("run.sqlite", "model.safetensors"))
         run.parent.mkdir()
-        self.program("sim", "dataset", "--people", 80, "--letters", 0, "--out", run)
-        self.program("recon", "train", run, "--model", "mean-shape", "--out", model)
+        fixtures.program("echofuse-sim", "dataset", "--people", 80, "--letters", 0, "--out", run)
+        fixtures.program("echofuse-recon", "train", run, "--model", "mean-shape", "--out", model)
         client = Client(self.enterContext(self.viewer(run, "--model", model)))
         self.assertTrue(client.until("run")["calibrated"])
 
