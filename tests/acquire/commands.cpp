@@ -42,15 +42,6 @@ Json json_of(const std::string& arguments) {
 
 }  // namespace
 
-TEST_CASE("a run is refused if a required device delivers no data") {
-  const Folder folder;
-  write_file(folder / "a.toml",
-             "[run]\nconnect_timeout_s = 0.2\n" + tdc_nowhere + "policy = \"required\"\n");
-  refuses("run --config " + folder / "a.toml" + " --out " + folder / "run", 4,
-          "a required device delivered no data within 0.2 s\nspd " + nowhere + ": ");
-  CHECK_FALSE(fs::exists(folder / "run.sqlite"));
-}
-
 TEST_CASE("commands accept --help and --version, and durations such as 1h 30m 10s") {
   for (const char* command : {"", "run", "devices", "doctor", "config", "config check",
                               "config show", "info", "annotate", "list", "calibrate", "import"}) {
@@ -67,23 +58,6 @@ TEST_CASE("commands accept --help and --version, and durations such as 1h 30m 10
   // All these durations are valid, so only the missing file is reported.
   for (const char* time : {"2h30m", "'1h 30m 10s'", "90min", "1.5h"})
     refuses(std::string("doctor --config no.toml --duration ") + time, 3, "no.toml");
-}
-
-TEST_CASE("the run command refuses invalid configurations and output names") {
-  const Folder folder;
-  const std::string config = " --config " + folder / "lab.toml";
-  refuses("run --out " + folder / "a" + config, 3, "lab.toml: cannot read");
-  write_file(folder / "lab.toml", "[depth]\nadress = \"openni:\"\n");
-  refuses("run --out " + folder / "a" + config, 3,
-          "lab.toml:2:1: unknown key \"depth.adress\"; the most similar known name is "
-          "\"depth.address\"");
-  write_file(folder / "lab.toml", tdc_nowhere);
-  refuses("run --out " + folder / "a" + config + " --set tdc.address=carrier:pigeon", 3,
-          "carrier:pigeon");
-  write_file(folder / "a.sqlite", "precious");
-  refuses("run --out " + folder / "a" + config, 1, "a.sqlite: exists already");
-  refuses("run --out " + folder / "no/a" + config, 6, "its folder does not exist");
-  CHECK(fs::file_size(folder / "a.sqlite") == 8);
 }
 
 TEST_CASE(
@@ -106,7 +80,6 @@ TEST_CASE(
   CHECK(bad.code == 3);
   CHECK(has(bad.text, "--set tdc.bins=0: expected a whole number"));
   CHECK(has(bad.text, "--set a=1: unknown key"));
-  refuses("config check --config " + folder / "none.toml", 3, "none.toml: cannot read");
   refuses("config check --config " + folder / "", 3, "is a folder; expected a regular file");
   refuses("config check --config /dev/zero", 3, "/dev/zero: is a device; expected a regular file");
   CHECK(acquire("config check --config /dev/stdin < " + path).code == 0);
@@ -117,8 +90,6 @@ TEST_CASE("commands refuse a FIFO in place of a regular file, and do not block")
   a_small_run(2).write(folder / "a.sqlite");
   REQUIRE(::mkfifo((folder / "f.sqlite").c_str(), 0666) == 0);
   const std::string fifo = folder / "f.sqlite", why = "f.sqlite: is a FIFO; expected a regular";
-  for (const std::string& command : {"info " + fifo, "annotate " + fifo + " x"})
-    refuses(command, 1, why);
   refuses("info /dev/null", 1, "/dev/null: is a device; expected a regular file");
   refuses("config check --config " + fifo, 3, why);
   write_file(folder / "lab.toml", "[tdc]\naddress = \"bridge:tcp://127.0.0.1:9\"\n");
@@ -175,26 +146,14 @@ TEST_CASE("the doctor command runs without a configuration file but stops if the
   CHECK(has(missing.text, "nowhere.sh: not found, or not executable by this user"));
   for (const char* command : {"config check", "run --count 1"})
     refuses(command + (" --config " + folder / "lab.toml") + hook, 3, "nowhere.sh: not found");
-  refuses("doctor --config " + folder / "none.toml", 3, "none.toml: cannot read");
 }
 
-TEST_CASE("the run command refuses a read-only folder, and metadata that have no value") {
+TEST_CASE("the run command refuses a read-only folder") {
   const Folder folder;
   write_file(folder / "lab.toml", tdc_nowhere);
   const std::string config = " --config " + folder / "lab.toml";
-  refuses("run --out " + folder / "a" + config + " --meta room", 2,
-          "--meta room: expected key=value");
-  for (const char* response : {"irf_fwhm_ps=abc", "irf_fwhm_ps=-3", "radar_taps=1 1 1"})
-    refuses("run --out " + folder / "a" + config + " --meta '" + response + "'", 2,
-            "--meta: expected a response");
   refuses("run --out " + folder / "a" + config + " --meta irf_fwhm_ps=0.35", 3,
           "irf_fwhm_ps is 0.35 ps, but the bins have 100 ps: is the width in ns?");
-  refuses("run --out " + folder / "a" + config + " --meta a=1 --meta b=1 --meta a=2", 2,
-          "--meta a: given twice");
-  for (const char* key :
-       {"uuid", "status", "spd_offset_m", "detector_dead_time_ps", "_NCProperties"})
-    refuses("run --out " + folder / "a" + config + " --meta " + key + "=1", 2,
-            std::string("--meta ") + key + "=1: " + key + " is a name that echofuse uses itself");
   fs::create_directory(folder / "closed");
   fs::permissions(folder / "closed", fs::perms::owner_read | fs::perms::owner_exec);
   // If the test runs as root, the command drops its privileges, because root may write to a
@@ -255,7 +214,6 @@ TEST_CASE("the devices command lists attached devices if no configuration file e
   CHECK(all["attached"]["usb"].is_array());
   CHECK(all["attached"]["openni"].is_array());
   CHECK(has(acquire("--version").text, "), " + all["instructions"].get<std::string>() + "\n"));
-  refuses("devices --config " + folder / "none.toml", 3, "none.toml: cannot read");
 }
 
 TEST_CASE("the info command prints the status, the counts, the labels and the axes of a run") {
@@ -282,7 +240,6 @@ TEST_CASE("commands find a run by its file name or by the name given to --out") 
   CHECK(json_of("info --json " + folder / "plain")["records"] == 3);
   CHECK(has(acquire("annotate " + folder / "m1" + " door").text, "m1.sqlite: \"door\" noted\n"));
   refuses("annotate " + folder / "m1" + " --label door", 1, "m1.sqlite: run is not being recorded");
-  refuses("annotate " + folder / "m1", 2, "expected either TEXT or --label");
   refuses("annotate " + folder / "m1" + " ' '", 2, "the note is empty");
   refuses("annotate " + folder / "m2" + " door", 1, "m2.sqlite: ");
 }

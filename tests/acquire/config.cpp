@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include "acquire/config/config.hpp"
 
+#include <regex>
+
 #include "../fixtures/paths.hpp"
 #include "testing.hpp"
 
@@ -87,103 +89,96 @@ TEST_CASE("the configuration loader reports all errors together, with line and c
   CHECK(has(text, path + ":6:1: unknown key \"depth.addres\""));
 }
 
-TEST_CASE("the configuration loader checks that the keys are consistent") {
+TEST_CASE("the configuration loader refuses keys that are not valid or not consistent") {
+  // In the words, @ is the path of the configuration, and & that of its folder with a slash.
+  struct Refused {
+    std::string text;
+    std::vector<std::string> sets, words;
+  };
+  const std::string tdc = "[tdc]\naddress = 'bridge:tcp://h:1'\n", camera = "[depth]\naddress = ",
+                    radar = "[radar]\ncli = 'serial:/a'\ndata = 'serial:/b'\ncfg = 'r.cfg'\n",
+                    bridged = "[radar]\naddress = 'bridge:tcp://h:1'\n";
+  const Refused refused[] = {
+      {"", {}, {"@: no device is configured; expected at least one of tdc.address"}},
+      {"\n[radar]\ncli = ''\n", {}, {"@:3:1: radar.cli: no device is configured; expected"}},
+      {"[tdc]\naddress = 'openni:'\n[radar]\ncli = 'bridge:tcp://h:1'\ndata = 'hid:10c4:ea80'\n"
+       "cfg = 'r.cfg'\ndata_baud = 200\n",
+       {"depth.address=carrier:pigeon", "radar.data_baud=4000000"},
+       {"@:2:1: tdc.address: address \"openni:\": expected the address of a time tagger: bridge:",
+        "@:4:1: radar.cli: address \"bridge:tcp://h:1\": expected the address of a radar port: "
+        "serial:",
+        "@:5:1: radar.data: ", "@:6:1: radar.cfg: &r.cfg: cannot read",
+        "@:7:1: radar.data_baud = 200 is not valid",
+        "--set depth.address=carrier:pigeon: address \"carrier:pigeon\": expected the address of a "
+        "depth camera: openni:[URI or file.oni] or bridge:tcp"}},
+      {"[radar]\ncli = 'serial:/dev/ttyACM0'\n",
+       {},
+       {"one of radar.cli and radar.data is empty", "radar.cfg is empty"}},
+      {tdc + camera + "'bridge:tcp://h:1'\n",
+       {"radar.cli=serial:/a", "radar.data=serial:/a"},
+       {"@:4:1: depth.address: tdc.address and depth.address are the same port",
+        "--set radar.data=serial:/a: radar.cli and radar.data are the same port"}},
+      {bridged,
+       {"radar.cli=serial:/a", "radar.data=serial:/b"},
+       {"@:2:1: radar.address: radar.address cannot be combined with radar.cli and"}},
+      {bridged, {"radar.address=usb:1234:5678"}, {"expected the address of a radar: bridge:tcp:"}},
+      {radar, {}, {"&r.cfg: cannot read"}},
+      {tdc + "click_channel = 1\n",
+       {},
+       {"@:3:1: tdc.click_channel: start and click have the same channel 1"}},
+      {camera + "'openni:'\n",
+       {"radar.policy=required"},
+       {"--set radar.policy=required: the sensor is required, but radar.cli is empty"}},
+      {camera + "'openni:'\n", {"tdc.policy=must"}, {"\"optional\" \"required\""}},
+      {camera + "'openni:'\n", {"tdc.bin=3"}, {"most similar known name is \"tdc.bins\""}},
+      {camera + "'openni:'\n", {"tdc.bins=0"}, {"expected a whole number from 1"}},
+      {camera + "'openni:'\n",
+       {"run.calibration=no.toml"},
+       {"--set run.calibration=no.toml: &no.toml: cannot read: No such file or directory"}},
+  };
   const Folder folder;
   const std::string path = folder / "a.toml";
-  SECTION("a configuration without any device is refused") {
-    write_file(path, "");
-    CHECK(has(refusal(path),
-              path + ": no device is configured; expected at least one of tdc.address"));
-    write_file(path, "\n[radar]\ncli = \"\"\n");
-    CHECK(has(refusal(path), path + ":3:1: radar.cli: no device is configured; expected"));
-  }
-  SECTION("all invalid device addresses are reported") {
-    write_file(path,
-               "[tdc]\naddress = \"openni:\"\n[radar]\ncli = \"bridge:tcp://h:1\"\n"
-               "data = \"hid:10c4:ea80\"\ncfg = \"r.cfg\"\ndata_baud = 200\n");
-    const std::string text =
-        refusal(path, {"depth.address=carrier:pigeon", "radar.data_baud=4000000"});
-    CHECK(has(text, path + ":2:1: tdc.address: address \"openni:\": expected the address of a time "
-                           "tagger: bridge:"));
-    CHECK(has(text, path + ":4:1: radar.cli: address \"bridge:tcp://h:1\": expected the address of "
-                           "a radar port: serial:"));
-    CHECK(has(text, path + ":5:1: radar.data: "));
-    CHECK(has(text, path + ":6:1: radar.cfg: " + folder / "r.cfg: cannot read"));
-    CHECK(has(text, path + ":7:1: radar.data_baud = 200 is not valid"));
-    CHECK(has(text,
-              "--set depth.address=carrier:pigeon: address \"carrier:pigeon\": expected the "
-              "address of a depth camera: openni:[URI or file.oni] or bridge:tcp"));
-  }
-  SECTION("a radar with only one serial port and no cfg is refused") {
-    write_file(path, "[radar]\ncli = \"serial:/dev/ttyACM0\"\n");
-    CHECK(has(refusal(path), "one of radar.cli and radar.data is empty"));
-    CHECK(has(refusal(path), "radar.cfg is empty"));
-  }
-  SECTION("two sensors or ports with the same address are refused") {
-    write_file(path,
-               "[tdc]\naddress = \"bridge:tcp://h:1\"\n[depth]\naddress = \"bridge:tcp://h:1\"\n");
-    CHECK(has(refusal(path),
-              path + ":4:1: depth.address: tdc.address and depth.address are the same port"));
-    CHECK(has(refusal(path, {"radar.cli=serial:/a", "radar.data=serial:/a"}),
-              "--set radar.data=serial:/a: radar.cli and radar.data are the same port"));
-  }
-  SECTION("a radar that is connected through a bridge needs neither a cfg nor serial ports") {
-    write_file(path, "[radar]\naddress = \"bridge:tcp://h:1\"\n");
-    CHECK(load_config(path).configured() == SensorSet::from_bits(2));
-    CHECK(has(refusal(path, {"radar.cli=serial:/a", "radar.data=serial:/b"}),
-              path + ":2:1: radar.address: radar.address cannot be combined with radar.cli and"));
-    CHECK(has(refusal(path, {"radar.address=usb:1234:5678"}),
-              "expected the address of a radar: bridge:tcp:"));
-  }
-  SECTION("a missing or invalid radar cfg is refused") {
-    write_file(path, "[radar]\ncli = \"serial:/a\"\ndata = \"serial:/b\"\ncfg = \"r.cfg\"\n");
-    CHECK(has(refusal(path), folder / "r.cfg: cannot read"));
-    std::string far = shell("cat " + source_dir + "/config/radar/xwr68xx_44mm.cfg").text;
-    write_file(folder / "r.cfg", far.replace(far.find("profileCfg 0 6"), 14, "profileCfg 0 7"));
-    CHECK(has(refusal(path), "GHz (limits 60 to 64 GHz)"));
-    const std::string wide = ": is UTF-16 or not a text file; save it as UTF-8 or ASCII";
-    write_file(folder / "r.cfg", std::string("\xff\xfe%\0\n\0", 6));
-    CHECK(has(refusal(path), path + ":4:1: radar.cfg: " + folder / "r.cfg" + wide));
-    write_file(folder / "wide.toml", std::string("\xff\xfe[\0", 4));
-    CHECK(refusal(folder / "wide.toml") == folder / "wide.toml" + wide);
-    write_file(folder / "r.cfg", "sensorStop\nprofileCfg 0 60\n");
-    CHECK(has(refusal(path), path + ":4:1: radar.cfg: " + folder / "r.cfg: has no frameCfg"));
-    write_file(folder / "r.cfg",
-               "profileCfg\nframeCfg 0 0\nchannelCfg 0 0\nchirpCfg\nguiMonitor\nsensorStart\n");
-    const std::string text = refusal(path);
-    for (const char* line :
-         {"r.cfg:3: channelCfg '0' should be a whole", "r.cfg:1: profileCfg ", "r.cfg:2: frameCfg ",
-          "r.cfg:5: guiMonitor ", "r.cfg:6: sensorStart requires adcCfg, adcbufCfg"})
-      CHECK(has(text, path + ":4:1: radar.cfg: " + folder / line));
-  }
-  SECTION("a histogram with the same start and click channel is refused") {
-    write_file(path, "[tdc]\naddress = \"bridge:tcp://h:1\"\nclick_channel = 1\n");
-    CHECK(has(refusal(path),
-              path + ":3:1: tdc.click_channel: start and click have the same channel 1"));
-  }
-  SECTION("a required sensor without an address is refused") {
-    write_file(path, "[depth]\naddress = \"openni:\"\npolicy = \"required\"\n");
-    CHECK(load_config(path).required() == SensorSet::from_bits(4));
-    CHECK(has(refusal(path, {"radar.policy=required"}),
-              "--set radar.policy=required: the sensor is required, but radar.cli is empty"));
-    CHECK(has(refusal(path, {"tdc.policy=must"}), "\"optional\" \"required\""));
-  }
-  SECTION("one configuration error does not cause further error messages") {
-    for (const char* text :
-         {"[tdc]\naddress = bridge:tcp://h:1\n", "[tdc]\naddress = 5\n", "[tdc\naddress = \"x\"\n",
-          "[tdc]\naddress = \"bridge:tcp://h:1\"\nstart_channel = 07\nclick_channel = 1\n",
-          "[radar]\ncli = \"serial:/a\"\ndata = serial:/b\ncfg = \"r.cfg\"\n"}) {
-      write_file(path, text);
-      CAPTURE(text, refusal(path));
-      CHECK_FALSE(has(refusal(path), "\n"));
+  for (const auto& [text, sets, words] : refused) {
+    write_file(path, text);
+    const std::string said = refusal(path, sets);
+    CAPTURE(said);
+    for (std::string part : words) {
+      part = std::regex_replace(part, std::regex("@"), path);
+      CHECK_THAT(said, Catch::Contains(std::regex_replace(part, std::regex("&"), folder / "")));
     }
   }
-  SECTION("an invalid --set assignment is refused") {
-    write_file(path, "[depth]\naddress = \"openni:\"\n");
-    CHECK(has(refusal(path, {"tdc.bin=3"}), "most similar known name is \"tdc.bins\""));
-    CHECK(has(refusal(path, {"tdc.bins=0"}), "expected a whole number from 1"));
-    CHECK(refusal(path, {"run.calibration=no.toml"}) ==
-          "--set run.calibration=no.toml: " +
-              folder / "no.toml: cannot read: No such file or directory");
+  // One error does not cause further messages.
+  for (const std::string& text :
+       {std::string("[tdc]\naddress = bridge:tcp://h:1\n"), std::string("[tdc]\naddress = 5\n"),
+        std::string("[tdc\naddress = \"x\"\n"), tdc + "start_channel = 07\nclick_channel = 1\n",
+        std::string("[radar]\ncli = \"serial:/a\"\ndata = serial:/b\ncfg = \"r.cfg\"\n")}) {
+    write_file(path, text);
+    CHECK_THAT(refusal(path), !Catch::Contains("\n") && !Catch::Equals(""));
   }
+  write_file(path, bridged);
+  CHECK(load_config(path).configured() == SensorSet::from_bits(2));
+  write_file(path, camera + "'openni:'\npolicy = 'required'\n");
+  CHECK(load_config(path).required() == SensorSet::from_bits(4));
+}
+
+TEST_CASE("a configuration with an invalid radar cfg is refused") {
+  const Folder folder;
+  const std::string path = folder / "a.toml", at = path + ":4:1: radar.cfg: " + folder / "r.cfg",
+                    wide = ": is UTF-16 or not a text file; save it as UTF-8 or ASCII";
+  write_file(path, "[radar]\ncli = \"serial:/a\"\ndata = \"serial:/b\"\ncfg = \"r.cfg\"\n");
+  std::string far = contents(source_dir + "/config/radar/xwr68xx_44mm.cfg");
+  far.replace(far.find("profileCfg 0 6"), 14, "profileCfg 0 7");
+  const std::pair<std::string, std::vector<std::string>> refused[] = {
+      {far, {"GHz (limits 60 to 64 GHz)"}},
+      {std::string("\xff\xfe%\0\n\0", 6), {at + wide}},
+      {"sensorStop\nprofileCfg 0 60\n", {at + ": has no frameCfg"}},
+      {"profileCfg\nframeCfg 0 0\nchannelCfg 0 0\nchirpCfg\nguiMonitor\nsensorStart\n",
+       {at + ":3: channelCfg '0' should be a whole", at + ":1: profileCfg ", at + ":2: frameCfg ",
+        at + ":5: guiMonitor ", at + ":6: sensorStart requires adcCfg, adcbufCfg"}}};
+  for (const auto& [cfg, words] : refused) {
+    write_file(folder / "r.cfg", cfg);
+    for (const std::string& part : words) CHECK_THAT(refusal(path), Catch::Contains(part));
+  }
+  write_file(folder / "wide.toml", std::string("\xff\xfe[\0", 4));
+  CHECK(refusal(folder / "wide.toml") == folder / "wide.toml" + wide);
 }

@@ -57,6 +57,7 @@ struct RadarFile {
 struct RadarImport {
   std::vector<std::uint64_t> used;  // number of frames used in each 1 s record
   std::string said;
+  std::vector<std::uint64_t> maps{};  // number of heat maps used in each record
 };
 
 const std::string paper_cfg = source_dir + "/config/radar/xwr68xx_paper_50cm.cfg";
@@ -75,8 +76,10 @@ RadarImport import_radar(const Bytes& bytes, const std::string& cfg = paper_cfg)
   }
   out.said += warnings_of(folder / "a.sqlite");
   const record::RunReader run(folder / "a.sqlite");
-  for (std::int64_t i = 0; i < run.count(); ++i)
+  for (std::int64_t i = 0; i < run.count(); ++i) {
     out.used.push_back(run.read(i).sync[Sensor::radar].used);
+    out.maps.push_back(run.read(i).array_frames);
+  }
   return out;
 }
 
@@ -241,18 +244,13 @@ TEST_CASE("subframes may have different periods") {
 
 TEST_CASE("import uses only heat maps that match the cfg and the board") {
   const auto frames_of = [](std::uint32_t tlv, std::uint32_t samples, const std::string& saying) {
-    const Folder folder;
     const Bytes bytes = RadarFile{.map_tlv = tlv, .map_samples = samples}.frames(1, 60).bytes;
-    write_file(folder / "a.dat", {bytes.begin(), bytes.end()});
-    acquire::import_recordings(config_of(folder),
-                               {.files = {folder / "a.dat"},
-                                .cfg = source_dir + "/config/radar/xwr68xx_azimuth_50cm.cfg",
-                                .out = folder / "a.sqlite"});
-    const std::string said = warnings_of(folder / "a.sqlite");
+    const auto [used, said, maps] =
+        import_radar(bytes, source_dir + "/config/radar/xwr68xx_azimuth_50cm.cfg");
     CAPTURE(said);
     CHECK(has(said, "heat map") == !saying.empty());
     CHECK(has(said, saying));
-    return record::RunReader(folder / "a.sqlite").read(1).array_frames;
+    return maps.at(1);
   };
   CHECK(frames_of(4, 64 * 8, "") == 20);
   const std::string other = "60 heat maps are unusable: the heat map has ";

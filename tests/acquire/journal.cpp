@@ -255,15 +255,6 @@ TEST_CASE("a run keeps all its records if the next file of the rotation cannot b
   CHECK(record::RunReader(path).count() == 1);
 }
 
-TEST_CASE("an error that is not a disk error determines the exit code and the status of the run") {
-  const Folder folder;
-  Journal journal(open_run(folder / "a.sqlite"), loop);
-  journal.put([](record::RunWriter&) { throw Error(ExitCode::failed, "not a number"); });
-  CHECK(error_of([&] { journal.finish("complete"); }) ==
-        std::pair(ExitCode::failed, std::string("not a number")));
-  CHECK(record::RunReader(folder / "a.sqlite").info().status == "stopped:failed");
-}
-
 TEST_CASE("a new label applies to the current slot and all later slots") {
   const Folder folder;
   auto run = open_run(folder / "a.sqlite");
@@ -284,17 +275,6 @@ TEST_CASE("a new label applies to the current slot and all later slots") {
   CHECK(reader.read(0).label == "before");
   CHECK(reader.read(1).label == "door");
   CHECK(reader.read(2).label == "door");
-}
-
-TEST_CASE("a run that was not closed has the status crashed and keeps all its records") {
-  const Folder folder;
-  {
-    Journal journal(open_run(folder / "a.sqlite"), loop);
-    journal.put(small_record(0));
-  }
-  const record::RunReader run(folder / "a.sqlite");
-  CHECK(run.count() == 1);
-  CHECK(run.info().status == "crashed");
 }
 
 TEST_CASE("a depth image that cannot be stored invalidates only the data of the depth camera") {

@@ -71,10 +71,7 @@ Finding radar_verdict(int frames, RadarFrame frame) {
 }
 
 DepthFrame depth_frame(std::uint16_t z) {
-  DepthFrame frame;
-  frame.width = 20;
-  frame.height = 10;
-  frame.depth_mm.assign(200, z);
+  DepthFrame frame{.width = 20, .height = 10, .depth_mm = std::vector<std::uint16_t>(200, z)};
   frame.depth_mm[0] = 0;
   return frame;
 }

@@ -31,8 +31,7 @@ DeviceInfo radar_info() {
 
 RadarFrame frame_of(std::uint32_t number) {
   RadarFrame frame;
-  frame.received = 10s + number * 10ms;
-  frame.frame_number = number;
+  frame.received = 10s + number * 10ms, frame.frame_number = number;
   frame.power.assign(sent_bins, 1000);
   for (std::size_t i = 0; i < sent_bins * antennas; ++i) {
     frame.array.push_back(static_cast<std::int16_t>(7 * i % 100 + number));       // imaginary part

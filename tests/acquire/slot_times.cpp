@@ -65,22 +65,6 @@ TEST_CASE("a change of the system clock during a run is stored, and later UTC ti
                                              (before + step + 20ms).count()});
 }
 
-TEST_CASE("a slot that is open when the system clock is set keeps its start time") {
-  const Folder folder;
-  const std::chrono::nanoseconds before = 1'700'000'000s;
-  port::VirtualLoop loop(before);
-  Journal journal(a_small_run(0).open(folder / "a.sqlite"), loop);
-  RunLog log(loop);
-  loop.run_for(9s);
-  loop.step_utc(24h);
-  journal.refresh_anchor(log);  // called when the host time is 10 s
-  loop.run_for(60s);
-  journal.refresh_anchor(log);
-  CHECK(journal.utc_of(9s) == before + 9s);  // the slot began before the clock was set
-  CHECK(journal.utc_of(11s) == before + 24h + 11s);
-  journal.finish("complete");
-}
-
 TEST_CASE("all run readers refuse slot times that overflow, with a one-line error") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
