@@ -207,17 +207,6 @@ TEST_CASE("afterpulses cause an event that reports the second peak") {
                              "which causes a second peak 2.25 m behind the first"));
 }
 
-TEST_CASE("tags that are out of order by up to 1 us are sorted and counted") {
-  const Outcome run = run_of({.pulse = [](auto& out, std::int64_t i, std::int64_t at) {
-    if (i % 25 == 0 && i % 50 == 0) out.push_back(tag(2, at + click_after(i)));
-    out.push_back(tag(1, at));
-    if (i % 50 == 25) out.push_back(tag(2, at + click_after(i)));
-  }});
-  CHECK_THAT(run.events.at(0),
-             Catch::Contains("events out of order by up to 1 us; the events were sorted"));
-  for (const auto& r : run.records) CHECK(r.spd_counts.out_of_range == 0);
-}
-
 TEST_CASE("tags that are out of order across two blocks are sorted without loss") {
   // The start tag that belongs to the last click of each block arrives only in the next block.
   const Outcome run = run_of({.pulse = [](auto& out, std::int64_t i, std::int64_t at) {
