@@ -299,44 +299,6 @@ TEST_CASE(
   CHECK(parser.counts().lost_blocks == 108);
 }
 
-TEST_CASE(
-    "after a bridge stream is cut at any byte, the next connection is parsed from its start") {
-  const Bytes all = join(read_golden("bridge.hex"));
-  BlockParser whole;
-  const auto expected = feed(whole, all);
-  for (std::size_t cut = 0; cut <= all.size(); ++cut) {
-    CAPTURE(cut);
-    BlockParser parser;
-    auto first = feed(parser, ByteView(all).first(cut));
-    std::size_t complete = 0;
-    for (const ParsedBlock& block : first) complete += header_bytes + block.payload.size();
-    parser.reset();
-    CHECK(parser.counts().junk_bytes == cut - complete);
-    CHECK(feed(parser, all, [n = std::size_t{0}]() mutable { return 1 + n++ % 40; }) == expected);
-    CHECK(parser.counts().blocks == first.size() + expected.size());
-    CHECK(parser.counts().gaps == 0);
-    first.resize(std::min(first.size(), expected.size()));
-    CHECK(std::equal(first.begin(), first.end(), expected.begin()));
-  }
-}
-
-TEST_CASE("the bridge parser reports the kind of damage") {
-  const auto pieces = read_golden("bridge.hex");
-  const auto damaged = [&](std::size_t at, std::uint8_t flip) {
-    Bytes bytes = join(pieces);
-    bytes[pieces[0].size() + at] ^= flip;
-    BlockParser parser;
-    CHECK(feed(parser, bytes).size() == 1);
-    CHECK(parser.broken());
-    CHECK(parser.counts().lost_blocks == 0);
-    return parser.counts();
-  };
-  CHECK(damaged(40, 1).bad_crcs == 1);
-  CHECK(damaged(40, 1).junk_bytes == pieces[1].size());
-  CHECK(damaged(2, 1).bad_headers == 1);
-  CHECK(damaged(2, 1).junk_bytes == 3);
-}
-
 TEST_CASE("in a recording, damaged bridge blocks are skipped and counted as lost") {
   const std::size_t size = tag_block(1, 5).size(), at = GENERATE(0, 4, 8, 12, 13, 14, 15, 28, 40);
   const std::size_t piece = GENERATE(1, 50, 10'000);
@@ -373,6 +335,7 @@ TEST_CASE("a wrong magic word in a block is detected however the byte stream is 
       CAPTURE(end, cut);
       CHECK(static_cast<bool>(parser.broken()) == (end.find('X') < 4));
       CHECK(parser.counts().bad_headers == (end.find('X') < 4));
+      if (parser.broken()) CHECK(parser.counts().junk_bytes >= end.find('X') + 1);
     }
   }
 }
@@ -411,31 +374,4 @@ TEST_CASE("magic bytes inside a payload do not start a bridge block") {
   const auto parsed = feed(parser, join({evil, tag_block(1, 1)}));
   REQUIRE(parsed.size() == 2);
   CHECK(parsed[0].payload.size() == 32);
-}
-
-TEST_CASE(
-    "the bridge parser counts every byte before the first damage as part of a block or as junk") {
-  for (std::uint64_t seed = 0; seed < 300; ++seed) {
-    Rng rng = make_rng(seed, 1);
-    Bytes bytes;
-    for (std::uint32_t i = 0; i < 12; ++i) {
-      const Bytes block = tag_block(i, rng() % 5);
-      bytes.insert(bytes.end(), block.begin(), block.end());
-      if (rng() % 16 == 0) bytes.resize(bytes.size() - rng() % block.size());
-      if (rng() % 16 == 0) bytes.insert(bytes.end(), rng() % 50, static_cast<std::uint8_t>('E'));
-    }
-    if (rng() % 2) bytes[rng() % bytes.size()] ^= static_cast<std::uint8_t>(1u << rng() % 8);
-    BlockParser whole, pieces;
-    const auto expected = feed(whole, bytes);
-    CHECK(feed(pieces, bytes, [&] { return 1 + rng() % 60; }) == expected);
-    std::size_t in_blocks = 0;
-    for (const ParsedBlock& block : expected) in_blocks += header_bytes + block.payload.size();
-    const bool broken = whole.broken();
-    CHECK(broken == static_cast<bool>(pieces.broken()));
-    whole.reset();
-    pieces.reset();
-    CHECK(whole.counts().junk_bytes == pieces.counts().junk_bytes);
-    CHECK(whole.counts().bytes == in_blocks + whole.counts().junk_bytes);
-    CHECK((broken ? whole.counts().bytes <= bytes.size() : whole.counts().bytes == bytes.size()));
-  }
 }

@@ -5,8 +5,9 @@
 
 using namespace echofuse;
 using namespace echofuse::radar;
-using State = CommandDialogue::State;
 using namespace std::chrono_literals;
+
+using State = CommandDialogue::State;
 
 namespace {
 
@@ -75,19 +76,6 @@ TEST_CASE("radar cfg lines are sent one at a time, each after the board's prompt
   CHECK(s.d.platform() == "xWR68xx");
   CHECK(s.d.firmware() == "mmWave SDK 03.05.00.04");
   CHECK(s.reported().empty());
-}
-
-TEST_CASE("the cfg dialogue works however the received bytes are split") {
-  const std::string wire = answer("sensorStop", "Done\n") + answer("flushCfg", "Done\n");
-  for (std::size_t cut = 0; cut <= wire.size(); ++cut) {
-    Session s;
-    s.begin();
-    s.d.take_output();
-    s.say(wire.substr(0, cut));
-    s.say(wire.substr(cut));
-    CHECK_THAT(s.d.take_output(), Catch::EndsWith("sensorStart\n"));
-    CHECK(s.d.state() == State::commanding);
-  }
 }
 
 TEST_CASE("garbage and prompts that the radar sends before the first command are discarded") {

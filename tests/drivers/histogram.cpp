@@ -146,30 +146,6 @@ TEST_CASE("a tag exactly the dead time after the last kept tag of its channel is
   CHECK(filter.take_removed() == 3);
 }
 
-TEST_CASE("tags that are filtered in random blocks equal tags that are filtered in one block") {
-  for (std::uint64_t seed = 0; seed < 60; ++seed) {
-    CAPTURE(seed);
-    Rng rng = make_rng(seed, 3);
-    const HistogramSettings bins{.bin_width_ps = 1000, .bins = 8};
-    const FilterSettings s{.click_delay_ps = std::array{-5000, 0, 7000}[seed % 3],
-                           .dead_time_ps = std::array{0, 2000}[seed % 2]};
-    const auto tags = random_tags(rng, bins, 300);
-    TagFilter at_once(s), in_blocks(s);
-    const auto append = [](std::vector<Tag>& all, std::span<const Tag> more) {
-      all.insert(all.end(), more.begin(), more.end());
-    };
-    std::vector<Tag> expected, found;
-    append(expected, at_once.feed(tags));
-    append(expected, at_once.flush());
-    for_random_blocks(rng, tags, 12, [&](auto block) { append(found, in_blocks.feed(block)); });
-    append(found, in_blocks.flush());
-    const std::uint64_t removed = in_blocks.take_removed();
-    CHECK(removed == at_once.take_removed());
-    CHECK(found.size() + removed == tags.size());
-    CHECK(std::ranges::equal(as_bytes(found), as_bytes(expected)));
-  }
-}
-
 TEST_CASE("the tag filter releases waiting tags if their times stand still") {
   TagFilter filter({.click_delay_ps = 5});
   const std::vector<Tag> clicks((1u << 20) + 1, tag(2, 100));

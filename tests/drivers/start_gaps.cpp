@@ -91,17 +91,3 @@ TEST_CASE("clicks per laser pulse are equal with and without a conditional filte
   slow.add(pulses(0.5, false, 30, rng));
   CHECK(slow.clicks_per_pulse(15, 30) == 0.5);
 }
-
-TEST_CASE("gaps between starts in random blocks of tags equal those in one block") {
-  Rng rng = make_rng(7, 4);
-  const auto tags = pulses(0.3, true, 20'000, rng);
-  StartGaps gaps(1);
-  for (std::span<const Tag> rest = tags; !rest.empty();) {
-    const std::size_t n = std::min<std::size_t>(rest.size(), 1 + rng() % 9);
-    gaps.add(rest.first(n));
-    rest = rest.subspan(n);
-  }
-  REQUIRE(gaps.share());
-  CHECK(*gaps.share() == share_of(tags));
-  CHECK_FALSE(gaps.clicks_per_pulse(100, 0));
-}

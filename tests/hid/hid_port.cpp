@@ -149,19 +149,6 @@ TEST_CASE("bytes received before a HID port was opened are discarded") {
   CHECK(host.received == fresh);
 }
 
-TEST_CASE("HID reports with a wrong byte count are limited to the received bytes") {
-  Bridge bridge;
-  Host host;
-  host.opens();
-  bridge.device.raw_input(
-      Bytes{63, 1, 2, 3});  // the count exceeds the number of bytes that follow it in the report
-  bridge.device.raw_input(Bytes(64, 0));
-  bridge.device.raw_input(Bytes(64, 200));
-  bridge.device.raw_input(Bytes{1, 9, 9, 9});
-  REQUIRE(host.until([&] { return host.received.size() >= 4; }));
-  CHECK(host.received == Bytes{1, 2, 3, 9});
-}
-
 TEST_CASE("an overrun in the CP2110 is reported and counted once") {
   Bridge bridge;
   Host host;
