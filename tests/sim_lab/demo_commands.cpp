@@ -23,6 +23,9 @@ TEST_CASE("the table of radar commands and the simulated firmware refuse the sam
       {"CQRxSatMonitor 0 3 4 29 0", {""}},
       {"CQSigImgMonitor 0 29 2", {""}},
       {"0 18.75 1 60 2000 0 0 30", {"0 18.75 1 60 2000 3 3 180", "0 18.75 1 64 2000 0 0 158"}},
+      // The chip rounds these ramps to below 64 GHz.
+      {"0 60 7 6 40 0 0 18.75 1 60 2000 0 0 30",
+       {"0 60 84 7 88.89 0 0 45 1 176 2175 0 0 158", "0 60 84 7 66.67 0 0 60 1 256 4363 0 0 158"}},
       {"frameCfg 0 2 32 0 50", {"frameCfg 0 2 244 0 100", "frameCfg 0 2 32 0 1342"}},
       {"frameCfg 0 2 32 0 50 1 0", {"frameCfg 0 1 32 65535 50 2 0.01"}},
       {"chirpCfg 2 2 0",
@@ -46,7 +49,7 @@ TEST_CASE("the table of radar commands and the simulated firmware refuse the sam
       {"chirpCfg 2 2 0",
        {"chirpCfg 2 1 0", "chirpCfg 2 3 0",
         "profileCfg 3 61 7 6 40 0 0 18.75 1 60 2000 0 0 30\nchirpCfg 2 2 3", "chirpCfg 2 512 0",
-        "chirpCfg 2 2 1"}},
+        "chirpCfg 3 3 0 3500000000 0 0 0 1\nchirpCfg 2 2 0", "chirpCfg 2 2 1"}},
       {"chirpCfg 2 2 0 0 0 0 0 4",
        {"chirpCfg 2 2 0 0 0 0 0 5", "chirpCfg 2 2 0 0 0 0 0 8", "chirpCfg 2 2 0 0 0 41 0 4",
         "chirpCfg 2 2 0 400000000 0 0 0 4", "chirpCfg 2 2 0 0 2300 0 0 4"}},

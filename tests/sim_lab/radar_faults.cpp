@@ -18,11 +18,6 @@ using Bench = RadarBench;
 using Strings = std::vector<std::string>;
 
 const Strings restart{"version", "sensorStop", "sensorStart 0"};
-const std::string calibration = "compRangeBiasAndRxChanPhase 0.0123456" + [] {
-  std::string text;
-  for (int i = 0; i < 12; ++i) text += " -1.23456 0.12345";
-  return text;
-}();
 
 radar::RadarSetup hasty() {
   radar::RadarSetup setup;
@@ -115,38 +110,6 @@ TEST_CASE("a radar board reset during configuration restarts the command dialogu
     return event.starts_with("x.cfg:") && event.ends_with(": the board was reset");
   }));
   CHECK(b.count("configured") == 1);
-}
-
-TEST_CASE("the command dialogue ignores calibration lines and garbage before the first prompt") {
-  Bench b;
-  const std::string garbage = "\xff~\x80?`\r\nsens'?\xff' is not recognized as a CLI command\n\r";
-  b.board.cli.send(garbage);
-  b.driver->start(b.sink);
-  std::size_t said = 0;
-  REQUIRE(b.until([&] {
-    // Sends garbage before the first answer. Sends a calibration line before the first answer and
-    // after every answer.
-    if (b.board.lines_heard() >= said) {
-      b.board.cli.send(said++ == 0 ? garbage : std::string());
-      b.board.say(calibration + "\n");
-    }
-    return b.frames() >= 3;
-  }));
-  CHECK(b.board.heard() == b.whole_cfg);
-  CHECK(b.count("connections") == 1);
-  std::size_t reported = 0;
-  for (const std::string& event : b.sink.events) reported += event == calibration;
-  CHECK(reported == said);
-}
-
-TEST_CASE("the radar driver reports the message of a firmware exception") {
-  Bench b(hasty());
-  b.start();
-  b.board.say("Exception: ../mss_main.c, line 1234.\n");
-  REQUIRE(b.faulted());
-  CHECK(b.sink.events.back() ==
-        "Exception: ../mss_main.c, line 1234. (the firmware has stopped: reset the board)");
-  CHECK(b.seconds_to_frame() < 10);
 }
 
 TEST_CASE("the radar driver repeats the last error of the board until a frame arrives") {
@@ -258,17 +221,6 @@ TEST_CASE("the radar driver configures the board again if no frames arrive on th
   CHECK(b.loop.now() - from < 10s);
   CHECK(b.seconds_to_frame() < 10);
   CHECK(b.count("configured") == 2);
-}
-
-TEST_CASE("the radar driver reports a failure if the command port sends bytes but no prompt") {
-  Bench b(hasty());
-  b.board.cli.choked = true;
-  b.driver->start(b.sink);
-  REQUIRE(b.until([&] { return b.count("connections") >= 3; }));
-  CHECK(b.reported("no prompt"));
-  CHECK(b.frames() == 0);
-  b.board.cli.choked = false;
-  CHECK(b.seconds_to_frame() < 10);
 }
 
 TEST_CASE("after an unplug the radar driver waits until both ports are back") {

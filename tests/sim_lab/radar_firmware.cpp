@@ -150,56 +150,6 @@ TEST_CASE("simulated radar firmware of SDK 3.4 does not require the command cali
   CHECK(console.send("sensorStart\n") == "sensorStart\nDone\n\rmmwDemo:/>");
 }
 
-TEST_CASE("an incomplete cfg does not start the simulated radar") {
-  const std::string part =
-      GENERATE("cfarCfg -1 0", "cfarCfg -1 1", "cfarFovCfg -1 0", "cfarFovCfg -1 1", "aoaFovCfg",
-               "multiObjBeamForming", "guiMonitor", "clutterRemoval", "extendedMaxVelocity",
-               "adcbufCfg", "bpmCfg", "lvdsStreamCfg", "analogMonitor", "calibData",
-               "compRangeBiasAndRxChanPhase", "measureRangeBiasAndRxChanPhase", "calibDcRangeSig");
-  Console console;
-  configure(console, part);
-  INFO("without " << part);
-  CHECK(console.send("sensorStart\n") ==
-        "sensorStart\nError: Full configuration must be provided before sensor can be started the "
-        "first time\n\rError -1\n\rmmwDemo:/>");
-  CHECK_FALSE(console.firmware().running());
-}
-
-TEST_CASE("simulated radar firmware refuses missing chirps and chirps beyond front-end limits") {
-  const auto [without, lines] = GENERATE(table<const char*, const char*>(
-      {{"chirpCfg", ""},
-       {"frameCfg", ""},
-       // a ramp that ends before the last sample
-       {"none", "profileCfg 0 60 7 6 30 0 0 18.75 1 60 2000 0 0 30\n"},
-       // ramps beyond 64 GHz, the second one in an unused profile
-       {"none", "profileCfg 0 62 7 3 24 0 0 166 1 256 12500 0 0 30\n"},
-       {"none",
-        "profileCfg 1 63.5 7 6 40 0 0 18.75 1 60 2000 0 0 30\n"
-        "profileCfg 0 60 7 6 40 0 0 18.75 1 60 2000 0 0 30\n"},
-       // a start frequency and an ADC start time that move a chirp beyond its limits
-       {"none", "chirpCfg 3 3 0 3500000000 0 0 0 1\n"},
-       {"none", "chirpCfg 3 3 0 0 0 0 5 1\n"},
-       // a frame with an undefined chirp, and one with more chirps than its period allows
-       {"none", "frameCfg 0 3 32 0 50 1 0\n"},
-       {"none", "frameCfg 0 2 512 0 50 1 0\n"}}));
-  CAPTURE(without, lines);
-  Console console;
-  configure(console, without);
-  console.send(lines);
-  CHECK(console.send("sensorStart\n") == "sensorStart\nError -1\n\rmmwDemo:/>");
-}
-
-TEST_CASE("a chirp without a profile is refused, and a ramp rounded to below 64 GHz is accepted") {
-  Console console;
-  configure(console, "calibData");
-  CHECK(console.send("chirpCfg 0 0 4 0 0 0 0 1\n") ==
-        "chirpCfg 0 0 4 0 0 0 0 1\nError -1\n\rmmwDemo:/>");
-  console.send(GENERATE("profileCfg 0 60 84 7 88.89 0 0 45 1 176 2175 0 0 158\n",
-                        "profileCfg 0 60 84 7 66.67 0 0 60 1 256 4363 0 0 158\n"));
-  console.send("calibData 0 0 0\n");
-  CHECK(console.send("sensorStart\n") == "sensorStart\nDone\n\rmmwDemo:/>");
-}
-
 TEST_CASE("the simulated radar starts, stops and restarts on command") {
   Console console;
   configure(console);

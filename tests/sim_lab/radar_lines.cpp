@@ -56,27 +56,3 @@ TEST_CASE("the radar driver counts frames that are lost while it does not read t
   CHECK(lines.sink.radar.size() + counter(*lines.driver, "lost_frames") == last - first + 1);
   CHECK(counter(*lines.driver, "connections") == 1);
 }
-
-TEST_CASE("the radar driver detects the data port of another board on pseudo-terminals") {
-  const Folder dir;
-  sim::LabOptions a, b;
-  a.dir = dir / "a", b.dir = dir / "b";
-  LabThread first(a), second(b);
-  {
-    Lines lines(b);
-    REQUIRE(lines.frames(3));
-    // The setting keep_running leaves the sensor running.
-    lines.driver->stop();
-  }
-  Lines mixed(a, b.dir);
-  REQUIRE(run_until(mixed.loop, [&] { return mixed.sink.state() == DeviceState::misconfigured; }));
-  CHECK(mixed.sink.radar.empty());
-  CHECK_THAT(
-      mixed.sink.events.back(),
-      Catch::StartsWith("radar.cli and radar.data are ports of two different boards: frame "));
-  mixed.driver.reset();
-  // The board is already sending frames when the driver connects.
-  Lines again(b);
-  REQUIRE(again.frames(3));
-  CHECK(counter(*again.driver, "connections") == 1);
-}
