@@ -30,16 +30,6 @@ void refuses(const std::string& arguments, int code, const std::string& saying) 
 
 }  // namespace
 
-TEST_CASE("echofuse-sim prints its help and its version") {
-  CHECK(sim("--help").code == 0);
-  CHECK(has(sim("--help").text, "dataset"));
-  CHECK(has(sim("dataset --help").text, "--two-people"));
-  CHECK(has(sim("dataset --help").text, "print this help\n"));
-  CHECK(sim("--version").code == 0);
-  CHECK(has(sim("--version").text, "echofuse-sim "));
-  CHECK(sim("").code == 2);
-}
-
 TEST_CASE("echofuse-sim refuses a FIFO given as an input file without blocking") {
   const Folder folder;
   const std::string fifo = folder / "f.obj", why = "f.obj: is a FIFO; expected a regular file";
@@ -127,13 +117,4 @@ TEST_CASE("echofuse-sim config --json prints every setting") {
             "\"help\": "));
   CHECK(sim("config --json | grep -c '\"value\":'").text ==
         sim("config | grep -c '^[a-z_]* = '").text);
-}
-
-TEST_CASE("echofuse-sim dataset reports errors in a configuration file with line numbers") {
-  const Folder folder;
-  const std::string out = "--out " + folder / "x.sqlite" + " ";
-  std::ofstream(folder / "bad.toml") << "bins = 12\nbinns = 13\npeople = \"many\"\n";
-  for (const char* line : {"bad.toml:2:1", "bad.toml:3:"})
-    refuses(out + "--config " + folder / "bad.toml", 3, line);
-  CHECK_FALSE(fs::exists(folder / "x.sqlite"));
 }

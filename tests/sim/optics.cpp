@@ -40,16 +40,6 @@ Moments moments_of(const std::vector<double>& rate, const Conditions& c) {
   return m;
 }
 
-Scene turned(Scene scene, double angle) {
-  const auto turn = [&](Vec3& p) {
-    p = {std::cos(angle) * p.x + std::sin(angle) * p.z, p.y,
-         -std::sin(angle) * p.x + std::cos(angle) * p.z};
-  };
-  for (auto& capsule : scene.capsules) turn(capsule.a), turn(capsule.b);
-  for (auto& plate : scene.plates) turn(plate.centre), turn(plate.u), turn(plate.v);
-  return scene;
-}
-
 // Scores of simulated counts. `chi2_per_bin` is the mean of z^2 over draws and bins. `worst` is the
 // largest |z| of a bin's mean count.
 struct Scores {
@@ -205,36 +195,6 @@ TEST_CASE("a scene in an asymmetric room and its mirror image have different SPD
   }
 }
 
-TEST_CASE("rotating a scene about the vertical axis of the SPD does not change its histogram") {
-  // The rays sample the two scenes at different points. The resulting difference decreases as the
-  // number of rays increases. With the default number of rays, it is below the shot noise of 1e5
-  // photons.
-  const auto chi2_per_bin = [](std::int64_t rays) {
-    Conditions c;
-    c.spd_rays = rays;
-    // People are placed at the centre, so that they remain in the field of view after the rotation.
-    c.target_x_m = 0;
-    double sum = 0;
-    int bins = 0;
-    for (std::uint64_t i = 0; i < 60; ++i) {
-      const Scene scene = some_scene(c, i);
-      const auto a = spd_rate(spd_returns(scene, c), c);
-      const auto b = spd_rate(spd_returns(turned(scene, 0.1), c), c);
-      for (std::size_t k = 0; k < a.size(); ++k)
-        if (a[k] + b[k] > 1) sum += (a[k] - b[k]) * (a[k] - b[k]) / (a[k] + b[k]), ++bins;
-    }
-    return sum / bins;
-  };
-  const double coarse = chi2_per_bin(96), base = chi2_per_bin(rays_of(Conditions{}));
-  const double fine = chi2_per_bin(1536);
-  CAPTURE(coarse, base, fine);
-  CHECK(base < 1);
-  // `base` uses about four times as many rays per side as `coarse`, which reduces the difference by
-  // at least a factor of 16.
-  CHECK(base < coarse / 16);
-  CHECK(fine < base / 16);
-}
-
 TEST_CASE("the automatic number of rays keeps the error below a tenth of the shot-noise variance") {
   for (const double photons : {1e3, 1e4, 1e5}) {
     Conditions c, fine;
@@ -289,44 +249,6 @@ TEST_CASE("simulated pile-up counts only the first photon of each pulse") {
   // variance of the sum of z^2.
   const double bins = static_cast<double>(rate.size());
   CHECK(std::abs(s.chi2_per_bin - 1) < 4.5 * std::sqrt((spread + 2 * odds * odds) / draws) / bins);
-}
-
-// Coates, J. Phys. E 1, 878 (1968), estimates the rate of a bin as -ln(1 - counts / n), where n is
-// the number of pulses without an earlier count.
-TEST_CASE("the Coates pile-up correction recovers the simulated rates within its variance") {
-  Conditions c;
-  c.pulses_per_window = 20'000;
-  c.signal_photons = 2e4;
-  c.background_counts = 8000;
-  const auto rate = spd_rate(spd_returns(some_scene(c, 2), c), c);
-  const auto pulses = static_cast<double>(c.pulses_per_window);
-  constexpr int draws = 300;
-  Rng rng = make_rng(8, 0);
-  std::vector<double> sums(rate.size());
-  for (int d = 0; d < draws; ++d) {
-    const auto counts = draw_counts(rate, c, rng);
-    double waiting = pulses;
-    for (std::size_t i = 0; i < rate.size(); ++i) {
-      sums[i] -= std::log1p(-1.0 * counts[i] / waiting) * pulses;
-      waiting -= counts[i];
-    }
-  }
-  // Each estimate is based on a binomial count. The number of trials is the number of pulses
-  // without an earlier count. The estimates are uncorrelated.
-  double before = 0, worst = 0, chi2 = 0;
-  for (std::size_t i = 0; i < rate.size(); ++i) {
-    const double variance = std::expm1(rate[i] / pulses) * pulses * std::exp(before);
-    before += rate[i] / pulses;
-    const double z = (sums[i] - draws * rate[i]) / std::sqrt(draws * variance);
-    worst = std::max(worst, std::abs(z));
-    chi2 += z * z;
-  }
-  CHECK(worst < 4.5);
-  const double bins = static_cast<double>(rate.size());
-  CHECK(std::abs(chi2 - bins) < 4.5 * std::sqrt(2 * bins));
-  // On average, more than one photon per pulse arrives before the last bins. Without the
-  // correction, the last bins would therefore lose most of their counts.
-  CHECK(before > 1);
 }
 
 TEST_CASE(
