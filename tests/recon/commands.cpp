@@ -30,15 +30,6 @@ bool catches_interrupts(pid_t process) {
 
 }  // namespace
 
-TEST_CASE("echofuse-recon prints its help and its version") {
-  const ReconFolder dir;
-  CHECK_THAT(dir.done("--version"),
-             Catch::Matches("echofuse-recon [0-9.]+ \\(([0-9a-f]+\\+?|commit "
-                            "unknown)\\), [A-Z0-9-]+, matrix (.|\n)*"));
-  for (const char* command : {"train", "evaluate", "reconstruct"})
-    CHECK_THAT(dir.done("--help"), Catch::Contains(command));
-}
-
 TEST_CASE("train refuses a data set that exceeds the memory before reading it") {
   const ReconFolder dir;
   a_run(3).write(dir / "run");

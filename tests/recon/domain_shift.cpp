@@ -213,19 +213,6 @@ TEST_CASE("transmitter leakage below 1 m makes neither a record nor a run unusua
   CHECK(share_flagged(predict(model, records.data, all_rows(100)).uncertainties) < 0.04);
 }
 
-TEST_CASE("a loaded model gives the same domain-shift result as the saved model") {
-  const ReconFolder dir;
-  const TrainedModel& model = trained("mean-shape", "fused");
-  save_model(model, dir / "m");
-  const Dataset data = load_plates(60, 12, blurred);
-  const DomainShift a = shift_of(model, data), b = shift_of(load_model(dir / "m"), data);
-  CHECK(a.p == b.p);
-  CHECK(a.text() == b.text());
-  a_run(60, 12, blurred).write(dir / "other");
-  for (const std::string command : {"evaluate m other", "reconstruct m other --out o"})
-    CHECK_THAT(dir.recon(command).text, Catch::Contains(a.text()));
-}
-
 TEST_CASE("the domain-shift test derives standard errors from the variance between record blocks") {
   // The reference consists of six blocks of ten records. The new run consists of two such blocks.
   const std::size_t known = 60, count = 20;

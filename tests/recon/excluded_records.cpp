@@ -113,17 +113,6 @@ TEST_CASE("records with lost frames are counted, and are used unless a setting e
   CHECK(usable(data, Inputs::spd).size() == 38);
 }
 
-TEST_CASE("a copied record has the same fingerprint in every run") {
-  const Folder dir;
-  a_run(6).write(dir / "a"), a_run(3).write(dir / "b"), a_run(3, 2).write(dir / "c");
-  const Dataset a = load({dir / "a"});
-  const Dataset b = load({dir / "b"}), c = load({dir / "c"});
-  auto of_a = values_of(a, &RecordInfo::content);
-  of_a.resize(3);
-  CHECK(values_of(b, &RecordInfo::content) == of_a);
-  CHECK(values_of(c, &RecordInfo::content) != of_a);
-}
-
 TEST_CASE("the rows command prints the split part of each record or the reason for its exclusion") {
   const ReconFolder dir;
   const auto change = [](FusedRecord& r) {

@@ -35,38 +35,6 @@ const Dataset& plates() {
 
 }  // namespace
 
-TEST_CASE("ridge regression equals a dense linear solve with the chosen penalty") {
-  const Matrix x = random_matrix(50, 8, 1), noise = random_matrix(50, 4096, 2);
-  Matrix y(50, 4096);
-  for (std::size_t i = 0; i < 50; ++i)
-    for (std::size_t p = 0; p < 4096; ++p)
-      y.row(i)[p] = 2 + x.row(i)[p % 8] - 0.5f * x.row(i)[(p + 3) % 8] + 0.3f * noise.row(i)[p];
-  const auto ridge = kind_of("ridge").make();
-  ridge->fit({x, y, all_rows(50)}, {x, y, {}}, {});
-  TensorFile file;
-  ridge->archive({file, Archive::Direction::write}, {8, 4096, {}});
-  const double penalty = std::get<double>(file.facts.at("penalty"));
-  CHECK(penalty > 0);
-
-  using RowMajor = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-  const Eigen::MatrixXd ex = Eigen::Map<const RowMajor>(x.values.data(), 50, 8).cast<double>();
-  const Eigen::MatrixXd ey = Eigen::Map<const RowMajor>(y.values.data(), 50, 4096).cast<double>();
-  const Eigen::MatrixXd cx = ex.rowwise() - ex.colwise().mean();
-  const Eigen::MatrixXd cy = ey.rowwise() - ey.colwise().mean();
-  const Eigen::MatrixXd gram = cx.transpose() * cx + penalty * Eigen::MatrixXd::Identity(8, 8);
-  const Eigen::MatrixXd w = gram.ldlt().solve(cx.transpose() * cy);
-  const Eigen::MatrixXd expected = (cx * w).rowwise() + ey.colwise().mean();
-  const Matrix found = ridge->predict(x);
-  double worst = 0;
-  for (std::size_t i = 0; i < 50; ++i)
-    for (std::size_t p = 0; p < 4096; ++p)
-      worst = std::max(
-          worst, std::abs(double{found.row(i)[p]} -
-                          expected(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(p))));
-  // For map values of up to 8, the limit is about 40 times the rounding error of single precision.
-  CHECK(worst < 1e-5);
-}
-
 TEST_CASE("ridge regression predicts finite maps for repeated, constant or too many inputs") {
   Matrix x = random_matrix(30, 60, 3);
   for (std::size_t i = 0; i < 30; ++i) {
@@ -93,30 +61,6 @@ TEST_CASE("the nearest-neighbour model returns the stored map of a training reco
   five.basis = 5;
   nearest->fit({x, y, all_rows(20)}, {x, y, {}}, five);
   CHECK(nearest->cost().multiply_adds == looked_up + 5 * y.cols);
-}
-
-TEST_CASE("every kind of model predicts the same maps after it is saved and loaded") {
-  const Folder dir;
-  for (const auto& name : model_names()) {
-    CAPTURE(name);
-    TrainOptions options = quick(name);
-    options.fit.epochs = 2;
-    options.split.kind = "blocked";
-    const TrainedModel before = train(plates(), options);
-    std::filesystem::remove(dir / "model");
-    save_model(before, dir / "model");
-    const TrainedModel after = load_model(dir / "model");
-    const Rows rows{0, 5, 599};
-    CHECK(after.predict(plates(), rows).values == before.predict(plates(), rows).values);
-    CHECK(after.first().name == name);
-    CHECK(after.split.kind == "blocked");
-    CHECK(after.rows_of(plates(), Subset::test) == before.rows_of(plates(), Subset::test));
-    CHECK(after.rows_of(plates(), Subset::test).size() == 60);
-    CHECK(after.data_hash == plates().hash);
-    CHECK(after.first().log.loss == before.first().log.loss);
-    CHECK(after.first().model->cost().parameters == before.first().model->cost().parameters);
-    CHECK(after.first().scene.background == before.first().scene.background);
-  }
 }
 
 TEST_CASE(

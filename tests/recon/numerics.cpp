@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Tests that models predict finite maps or are refused for any seed and learning rate, that single
-// precision is sufficient, and that ridge regression handles nearly singular inputs.
+// Tests that models predict finite maps or are refused for any seed and learning rate, and that
+// ridge regression handles nearly singular inputs.
 #include <Eigen/SVD>
 #include <cstdlib>
 
@@ -32,23 +32,16 @@ TrainOptions options_for(const std::string& model, std::uint64_t seed, double ra
   return o;
 }
 
-TensorFile opened(const std::string& path) { return {path, read_file(path)}; }
-
-template <class T = float>
-std::vector<T> values_of(const TensorFile& file, const std::string& name) {
-  const auto values = file.read<float>(name, file.shape(name));
-  return {values.begin(), values.end()};
-}
-
 // Returns all weights and biases stored in a model file.
 std::vector<float> weights_of(const std::string& path) {
-  const TensorFile file = opened(path);
+  const TensorFile file(path, read_file(path));
   std::vector<float> out;
   for (const std::string group : {"0/model", "0/model/place/0", "0/model/place/1",
                                   "0/model/place/2", "0/model/shape/0", "0/model/shape/1"})
     for (int l = 0; file.has(group + "/layer" + std::to_string(l) + "/weights"); ++l)
       for (const char* part : {"/weights", "/biases"}) {
-        const auto some = values_of(file, group + "/layer" + std::to_string(l) + part);
+        const std::string name = group + "/layer" + std::to_string(l) + part;
+        const auto some = file.read<float>(name, file.shape(name));
         out.insert(out.end(), some.begin(), some.end());
       }
   return out;
@@ -67,42 +60,6 @@ double iou_of(const TrainOptions& options) {
   return scores_of(model, plates(), model.rows_of(plates(), Subset::test))[metric_iou].mean;
 }
 
-// Evaluates the network stored in a model file (class Regression) in double precision.
-struct DoubleRegression {
-  Network network;
-  std::vector<double> parameters, centre, spread;
-  DoubleRegression(const TensorFile& file, const std::string& group)
-      : centre(values_of<double>(file, group + "/centre")),
-        spread(values_of<double>(file, group + "/spread")) {
-    std::vector<std::size_t> widths;
-    for (std::size_t l = 0; file.has(group + "/layer" + std::to_string(l) + "/weights"); ++l) {
-      const std::string layer = group + "/layer" + std::to_string(l);
-      const auto shape = file.shape(layer + "/weights");
-      if (widths.empty()) widths.push_back(shape[0]);
-      widths.push_back(shape[1]);
-      for (const char* part : {"/weights", "/biases"}) {
-        const auto some = values_of<double>(file, layer + part);
-        parameters.insert(parameters.end(), some.begin(), some.end());
-      }
-    }
-    network = make_network(widths);
-  }
-  Eigen::MatrixXd operator()(const Matrix& inputs) const {
-    const std::vector<double> x(inputs.values.begin(), inputs.values.end());
-    Activations<double> a;
-    forward(network, parameters, x.data(), inputs.rows, a);
-    Eigen::MatrixXd out(static_cast<Eigen::Index>(inputs.rows),
-                        static_cast<Eigen::Index>(centre.size()));
-    for (Eigen::Index i = 0; i < out.rows(); ++i)
-      for (Eigen::Index c = 0; c < out.cols(); ++c) {
-        const auto column = static_cast<std::size_t>(c);
-        out(i, c) = centre[column] +
-                    spread[column] * a.back()[static_cast<std::size_t>(i) * centre.size() + column];
-      }
-    return out;
-  }
-};
-
 using RowMajor = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
 Eigen::MatrixXd in_double(const Matrix& m) {
@@ -113,16 +70,6 @@ Eigen::MatrixXd in_double(const Matrix& m) {
 
 double farthest(const Matrix& a, const Eigen::MatrixXd& b) {
   return (in_double(a) - b).cwiseAbs().maxCoeff();
-}
-
-// Returns mean + amounts * basis. The mean and the basis are read from the model file.
-Eigen::MatrixXd composed(TensorFile& file, const std::string& group,
-                         const Eigen::MatrixXd& amounts) {
-  Components c;
-  archive(Archive(file, Archive::Direction::read, group + "/"), c, file.shape(group + "/mean")[0]);
-  const Eigen::RowVectorXf mean =
-      Eigen::Map<const Eigen::RowVectorXf>(c.mean.data(), static_cast<Eigen::Index>(c.mean.size()));
-  return (amounts * in_double(c.basis)).rowwise() + mean.cast<double>();
 }
 
 }  // namespace
@@ -184,58 +131,6 @@ TEST_CASE("a network that is never better than the mean map predicts the mean ma
   CHECK(log.best_epoch == 0);
   CHECK(log.loss.size() == training.patience);
   for (const float v : regression.predict(x).values) REQUIRE(v == Approx(7).margin(0.5));
-}
-
-TEST_CASE("predicted maps in single and double precision agree to 0.1 mm") {
-  const Folder dir;
-  const Rows rows = all_rows(plates().size());
-  for (const std::string name : {"mlp", "pca-mlp"}) {
-    TrainOptions o = options_for(name, 3, 1);
-    o.fit.hidden = {512, 256};
-    const TrainedModel model = train(plates(), o);
-    save_model(model, dir / name);
-    TensorFile file = opened(dir / name);
-    const Eigen::MatrixXd direct =
-        DoubleRegression(file, "0/model")(model.first().features.apply(plates(), rows));
-    const Matrix maps = model.predict(plates(), rows);
-    const double off =
-        farthest(maps, name == "mlp" ? direct : composed(file, "0/model/components", direct));
-    std::printf("%-10s float against double: at most %.1e m\n", name.c_str(), off);
-    CHECK(off < 1e-4);
-  }
-}
-
-// Compares the outputs of the factorised model's position and shape networks. Predicted maps are
-// not compared, because rounding may move a pixel across the mask threshold.
-TEST_CASE("predicted body position and shape agree in single and double precision") {
-  const Folder dir;
-  TrainOptions o = options_for("factorised", 3, 1);
-  o.fit.basis = 16;
-  const TrainedModel model = train(plates(), o);
-  save_model(model, dir / "m");
-  TensorFile file = opened(dir / "m");
-  const Archive read(file, Archive::Direction::read);
-  Alignment alignment;
-  alignment.archive(read.in("0/alignment"), model.first().features.layout());
-  const auto centre = values_of(file, "0/model/centre");
-  const auto deviation = values_of(file, "0/model/deviation");
-  Matrix features =
-      align(observe(plates(), all_rows(plates().size()), model.first().features), alignment);
-  for (std::size_t i = 0; i < features.rows; ++i) {
-    REQUIRE(shows_body(features.row(i)));
-    for (std::size_t c = 0; c < features.cols; ++c)
-      features.row(i)[c] = (features.row(i)[c] - centre[c]) / deviation[c];
-  }
-  const auto off = [&](const std::string& group) {
-    Regression in_float;
-    const auto last = file.shape(group + "/centre")[0];
-    in_float.archive(read.in(group), alignment.inputs(), last);
-    return farthest(in_float.predict(features), DoubleRegression(file, group)(features));
-  };
-  std::printf("factorised float against double: place %.1e m, amounts %.1e\n",
-              off("0/model/place/0"), off("0/model/shape/0"));
-  CHECK(off("0/model/place/0") < 1e-4);
-  CHECK(off("0/model/shape/0") < 1e-4);
 }
 
 TEST_CASE("principal components equal the singular vectors of the data") {

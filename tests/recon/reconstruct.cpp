@@ -87,22 +87,6 @@ TEST_CASE("random maps of any size are read back as written, as an array and as 
   }
 }
 
-TEST_CASE("NumPy can read an array that was written row by row") {
-  const ReconFolder dir;
-  recon::NpyWriter out(dir / "a.npy", {2, 3});
-  for (int i = 0; i < 3; ++i) {
-    std::vector<float> row(6);
-    for (std::size_t c = 0; c < 6; ++c) row[c] = static_cast<float>(i) + static_cast<float>(c) / 8;
-    out.append(row);
-  }
-  CHECK_FALSE(std::filesystem::exists(dir / "a.npy"));
-  out.close();
-  CHECK(std::distance(std::filesystem::directory_iterator(dir.path), {}) == 1);
-  CHECK(numpy(dir, "a = n.load('a.npy'); print(a.shape, a.dtype, a[2, 1, 2])") ==
-        "(3, 2, 3) float32 2.625\n");
-  CHECK_THROWS_WITH(recon::NpyWriter(dir / "no/such.npy", {2}), Catch::Contains("no/such.npy"));
-}
-
 TEST_CASE("the status of a predicted map names the doubtful input sensors") {
   const ReconFolder dir;
   a_run(4, 2, [](FusedRecord& r) {
