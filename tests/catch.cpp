@@ -2,10 +2,7 @@
 #define CATCH_CONFIG_RUNNER
 #include "catch.hpp"
 
-#include <unistd.h>
-
 #include <csignal>
-#include <cstdlib>
 
 namespace {
 

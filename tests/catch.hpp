@@ -1,7 +1,22 @@
 // SPDX-License-Identifier: MIT
 // Includes Catch2, version 2.13 or 3. Defines in version 3 the names of version 2 that the tests
-// use.
+// use. Includes the parts of the standard library that many tests use, and opens the namespace of
+// the project for all tests.
 #pragma once
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <limits>
+#include <numbers>
+#include <numeric>
+#include <random>
+#include <sstream>
+#include <string>
+#include <thread>
+#include <vector>
+
 #if __has_include(<catch2/catch_all.hpp>)
 #include <catch2/catch_all.hpp>
 
@@ -24,3 +39,5 @@ namespace echofuse::test {
 int run_catch(int argc, char** argv);
 
 }  // namespace echofuse::test
+
+using namespace echofuse;

@@ -3,12 +3,9 @@
 #include "acquire/record/annotate.hpp"
 
 #include <sys/stat.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
-#include <csignal>
 #include <future>
-#include <random>
 #include <set>
 
 #include "../fixtures/full_disk.hpp"
@@ -16,9 +13,7 @@
 #include "acquire/record/writer_lock.hpp"
 #include "testing.hpp"
 
-using namespace echofuse;
 using namespace echofuse::record;
-using namespace echofuse::test;
 
 namespace {
 

@@ -2,18 +2,13 @@
 // Tests the calibration of the radar antennas with simulated frames of known gains and phases.
 #include "acquire/calibrate/array_calibration.hpp"
 
-#include <cmath>
 #include <complex>
-#include <numbers>
-#include <random>
 
 #include "acquire/config/calibration.hpp"
 #include "acquire/config/config.hpp"
 #include "testing.hpp"
 
-using namespace echofuse;
 using namespace echofuse::acquire;
-using namespace echofuse::test;
 
 namespace {
 

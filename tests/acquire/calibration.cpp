@@ -4,9 +4,7 @@
 #include "drivers/radar/sdk.hpp"
 #include "testing.hpp"
 
-using namespace echofuse;
 using namespace echofuse::acquire;
-using namespace echofuse::test;
 
 TEST_CASE("a calibration file is read back with the values that were written") {
   const Folder folder;

@@ -1,14 +1,9 @@
 // SPDX-License-Identifier: MIT
 #include "acquire/intake/clock_fit.hpp"
 
-#include <algorithm>
-#include <cmath>
-#include <vector>
-
 #include "../catch.hpp"
 #include "drivers/core/random.hpp"
 
-using namespace echofuse;
 using namespace echofuse::acquire;
 using namespace std::chrono_literals;
 

@@ -4,13 +4,9 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include <algorithm>
 #include <nlohmann/json.hpp>
 
-#include "../fixtures/paths.hpp"
 #include "testing.hpp"
-
-using namespace echofuse::test;
 
 namespace {
 
@@ -52,7 +48,7 @@ TEST_CASE("commands accept --help and --version, and durations such as 1h 30m 10
     const std::string name = command;
     CHECK(has(o.text, "--quiet") == (name != "config"));
   }
-  CHECK(has(acquire("--version").text, "echofuse-acquire "));
+  CHECK(has(test::acquire("--version").text, "echofuse-acquire "));
   for (const char* no_time : {"10", "2h30", "30m2h", "2h2h", "h", "''", "2h-30m", "2x", "nans"})
     refuses(std::string("run --out a --duration ") + no_time, 2, "numbers with units");
   // All these durations are valid, so only the missing file is reported.
@@ -65,24 +61,24 @@ TEST_CASE(
   const Folder folder;
   const std::string path = folder / "lab.toml", config = " --config " + path;
   write_file(path, "[tdc]\naddress = \"bridge:tcp://127.0.0.1:9\"\nbin_width_ps = 50\n");
-  const Outcome good = acquire("config check" + config);
+  const Outcome good = test::acquire("config check" + config);
   CHECK(good.code == 0);
   CHECK(good.text == path + ": ok\n");
-  const Outcome shown = acquire("config show" + config + " --set tdc.bins=99");
+  const Outcome shown = test::acquire("config show" + config + " --set tdc.bins=99");
   CHECK(shown.code == 0);
   CHECK(has(shown.text, "\nbins = 99  # --set tdc.bins=99\n"));
   CHECK(has(shown.text, "\nbin_width_ps = 50  # " + path + ":3:1\n"));
   CHECK(has(shown.text, "\nwindow_s = 3.0  # default\n"));
   write_file(folder / "again.toml", shown.text);
-  const Outcome again = acquire("config show --config " + folder / "again.toml");
+  const Outcome again = test::acquire("config show --config " + folder / "again.toml");
   CHECK(has(again.text, "\nbins = 99  # " + folder / "again.toml:"));
-  const Outcome bad = acquire("config check" + config + " --set tdc.bins=0 --set a=1");
+  const Outcome bad = test::acquire("config check" + config + " --set tdc.bins=0 --set a=1");
   CHECK(bad.code == 3);
   CHECK(has(bad.text, "--set tdc.bins=0: expected a whole number"));
   CHECK(has(bad.text, "--set a=1: unknown key"));
   refuses("config check --config " + folder / "", 3, "is a folder; expected a regular file");
   refuses("config check --config /dev/zero", 3, "/dev/zero: is a device; expected a regular file");
-  CHECK(acquire("config check --config /dev/stdin < " + path).code == 0);
+  CHECK(test::acquire("config check --config /dev/stdin < " + path).code == 0);
 }
 
 TEST_CASE("commands refuse a FIFO in place of a regular file, and do not block") {
@@ -101,10 +97,10 @@ TEST_CASE("commands refuse a FIFO in place of a regular file, and do not block")
     REQUIRE(::mkfifo(name.c_str(), 0666) == 0);
     // Reading a closed run must not open a FIFO that has the name of a SQLite side file (-wal, -shm
     // or -journal).
-    CHECK(acquire("info " + folder / "a.sqlite").code == 0);
+    CHECK(test::acquire("info " + folder / "a.sqlite").code == 0);
     fs::remove(name);
   }
-  CHECK(acquire("info " + folder / "a.sqlite").code == 0);
+  CHECK(test::acquire("info " + folder / "a.sqlite").code == 0);
 }
 
 TEST_CASE("commands exit with an error if standard output cannot be written") {
@@ -190,13 +186,13 @@ TEST_CASE("a run with silent devices reports each device in one line and creates
                                       "\"\ndata = \"serial:" + folder / "data" + "\"\ncfg = \"" +
                                       source_dir + "/config/radar/xwr68xx_paper_50cm.cfg\"\n");
   const std::string config = " --config " + folder / "lab.toml";
-  const Outcome o = acquire("run -q --out " + folder / "a" + config);
+  const Outcome o = test::acquire("run -q --out " + folder / "a" + config);
   CAPTURE(o.text);
   CHECK(o.code == 4);
   CHECK(has(o.text, "\nspd " + nowhere + ": faulted: "));
   CHECK(has(o.text, "\nradar serial:" + folder / "cli" + ": faulted: "));
   CHECK_FALSE(fs::exists(folder / "a.sqlite"));
-  const Outcome devices = acquire("devices --json" + config);
+  const Outcome devices = test::acquire("devices --json" + config);
   CHECK(devices.code == 4);
   const Json list = Json::parse(devices.text)["configured"];
   REQUIRE(list.size() == 2);
@@ -213,7 +209,8 @@ TEST_CASE("the devices command lists attached devices if no configuration file e
   CHECK(all["configured"] == Json::array());
   CHECK(all["attached"]["usb"].is_array());
   CHECK(all["attached"]["openni"].is_array());
-  CHECK(has(acquire("--version").text, "), " + all["instructions"].get<std::string>() + "\n"));
+  CHECK(
+      has(test::acquire("--version").text, "), " + all["instructions"].get<std::string>() + "\n"));
 }
 
 TEST_CASE("the info command prints the status, the counts, the labels and the axes of a run") {
@@ -228,7 +225,7 @@ TEST_CASE("the info command prints the status, the counts, the labels and the ax
   CHECK(info["labels"] == Json{{"person", 3}, {"letter:A", 3}});
   CHECK(info["axes"].size() == 4);
   CHECK(info["window_s"] == 0.2);
-  CHECK(has(acquire("info " + run).text, "6 records, complete"));
+  CHECK(has(test::acquire("info " + run).text, "6 records, complete"));
 }
 
 TEST_CASE("commands find a run by its file name or by the name given to --out") {
@@ -238,7 +235,8 @@ TEST_CASE("commands find a run by its file name or by the name given to --out") 
   write_file(folder / "lab.toml", tdc_nowhere);
   CHECK(json_of("info --json " + folder / "m1")["records"] == 2);
   CHECK(json_of("info --json " + folder / "plain")["records"] == 3);
-  CHECK(has(acquire("annotate " + folder / "m1" + " door").text, "m1.sqlite: \"door\" noted\n"));
+  CHECK(has(test::acquire("annotate " + folder / "m1" + " door").text,
+            "m1.sqlite: \"door\" noted\n"));
   refuses("annotate " + folder / "m1" + " --label door", 1, "m1.sqlite: run is not being recorded");
   refuses("annotate " + folder / "m1" + " ' '", 2, "the note is empty");
   refuses("annotate " + folder / "m2" + " door", 1, "m2.sqlite: ");

@@ -3,12 +3,9 @@
 
 #include <regex>
 
-#include "../fixtures/paths.hpp"
 #include "testing.hpp"
 
-using namespace echofuse;
 using namespace echofuse::acquire;
-using namespace echofuse::test;
 
 namespace {
 

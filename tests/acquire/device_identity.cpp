@@ -1,13 +1,11 @@
 // SPDX-License-Identifier: MIT
 #include <memory>
-#include <vector>
 
 #include "../catch.hpp"
 #include "acquire/devices/devices.hpp"
 #include "drivers/bridge/bridge_writer.hpp"
 #include "drivers/port/virtual_loop.hpp"
 
-using namespace echofuse;
 using namespace echofuse::acquire;
 using namespace std::chrono_literals;
 

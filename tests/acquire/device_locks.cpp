@@ -2,15 +2,9 @@
 // Tests how device locks affect other programs.
 #include "acquire/devices/device_locks.hpp"
 
-#include <cstdlib>
-#include <filesystem>
-#include <fstream>
-
-#include "../catch.hpp"
 #include "../fixtures/error.hpp"
 #include "../fixtures/folder.hpp"
 
-using namespace echofuse;
 using namespace echofuse::acquire;
 using Catch::Contains;
 namespace fs = std::filesystem;

@@ -1,15 +1,10 @@
 // SPDX-License-Identifier: MIT
 #include "acquire/run/doubt_hook.hpp"
 
-#include <fstream>
-#include <thread>
-
-#include "../catch.hpp"
 #include "../fixtures/folder.hpp"
 #include "../fixtures/record.hpp"
 #include "drivers/util/exit_code.hpp"
 
-using namespace echofuse;
 using namespace echofuse::acquire;
 using namespace std::chrono_literals;
 

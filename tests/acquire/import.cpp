@@ -3,15 +3,11 @@
 #include "acquire/import/import.hpp"
 
 #include <bit>
-#include <cstdlib>
 
 #include "acquire/config/config.hpp"
 #include "acquire/import/picoquant.hpp"
 #include "drivers/core/bytes.hpp"
 #include "testing.hpp"
-
-using namespace echofuse;
-using namespace echofuse::test;
 
 namespace {
 

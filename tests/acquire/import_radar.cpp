@@ -1,18 +1,11 @@
 // SPDX-License-Identifier: MIT
 // Tests the import of recordings of a radar's data port.
-#include <algorithm>
-#include <cmath>
-#include <numeric>
-#include <random>
 
 #include "acquire/config/config.hpp"
 #include "acquire/import/frame_times.hpp"
 #include "acquire/import/import.hpp"
 #include "drivers/core/bytes.hpp"
 #include "testing.hpp"
-
-using namespace echofuse;
-using namespace echofuse::test;
 
 namespace {
 

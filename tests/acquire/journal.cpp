@@ -7,14 +7,11 @@
 #include <future>
 
 #include "../fixtures/full_disk.hpp"
-#include "acquire/measurement/depth_map.hpp"
 #include "acquire/record/annotate.hpp"
 #include "drivers/port/virtual_loop.hpp"
 #include "testing.hpp"
 
-using namespace echofuse;
 using namespace echofuse::acquire;
-using namespace echofuse::test;
 
 namespace {
 

@@ -6,9 +6,7 @@
 #include "acquire/doctor/doctor.hpp"
 #include "testing.hpp"
 
-using namespace echofuse;
 using namespace echofuse::acquire;
-using namespace echofuse::test;
 
 namespace {
 

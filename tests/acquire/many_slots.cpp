@@ -2,15 +2,12 @@
 // Tests 100 000 slots on a virtual clock. Each device has its own clock, disconnects and
 // reconnects. Some samples are delayed or lost. Every sample must be accounted for, and its slot
 // must match its true time.
-#include <cmath>
-#include <numeric>
 
 #include "../catch.hpp"
 #include "../fixtures/record.hpp"
 #include "acquire/intake/window.hpp"
 #include "drivers/core/random.hpp"
 
-using namespace echofuse;
 using namespace echofuse::acquire;
 using namespace echofuse::test;
 using namespace std::chrono_literals;

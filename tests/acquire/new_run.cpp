@@ -3,17 +3,12 @@
 
 #include <signal.h>
 
-#include <ctime>
-#include <thread>
-
 #include "acquire/record/annotate.hpp"
 #include "acquire/record/catalogue.hpp"
 #include "acquire/record/run_names.hpp"
 #include "testing.hpp"
 
-using namespace echofuse;
 using namespace echofuse::acquire;
-using namespace echofuse::test;
 
 TEST_CASE("a run name may contain dots, but percent signs only in time fields such as %Y") {
   const Folder folder;

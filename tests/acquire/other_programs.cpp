@@ -7,23 +7,15 @@
 #include <unistd.h>
 
 #include <chrono>
-#include <cstring>
-#include <functional>
 #include <future>
 #include <map>
-#include <memory>
-#include <thread>
 
 #include "acquire/record/annotate.hpp"
 #include "acquire/record/recover.hpp"
-#include "acquire/record/run_reader.hpp"
-#include "acquire/record/run_writer.hpp"
 #include "acquire/record/writer_lock.hpp"
 #include "testing.hpp"
 
-using namespace echofuse;
 using namespace echofuse::record;
-using namespace echofuse::test;
 
 namespace {
 

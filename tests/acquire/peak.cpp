@@ -1,18 +1,13 @@
 // SPDX-License-Identifier: MIT
 #include "acquire/calibrate/peak.hpp"
 
-#include <cmath>
 #include <complex>
-#include <cstdlib>
-#include <numbers>
-#include <random>
 
 #include "../catch.hpp"
 #include "drivers/core/axis.hpp"
 #include "drivers/core/random.hpp"
 #include "drivers/radar/log2_codes.hpp"
 
-using namespace echofuse;
 using namespace echofuse::acquire;
 
 namespace {

@@ -1,18 +1,9 @@
 // SPDX-License-Identifier: MIT
 #include "acquire/measurement/radar_array.hpp"
 
-#include <algorithm>
-#include <fstream>
-#include <limits>
-#include <numbers>
-#include <random>
-#include <sstream>
-
 #include "testing.hpp"
 
-using namespace echofuse;
 using namespace echofuse::record;
-using namespace echofuse::test;
 
 namespace {
 

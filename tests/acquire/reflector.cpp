@@ -2,15 +2,10 @@
 // Tests the position of the calibration reflector, the position errors and the antenna phases.
 #include "acquire/calibrate/reflector.hpp"
 
-#include <cmath>
-#include <complex>
-#include <numbers>
-
 #include "../catch.hpp"
 #include "acquire/calibrate/antenna_side.hpp"
 #include "drivers/core/axis.hpp"
 
-using namespace echofuse;
 using namespace echofuse::acquire;
 using Catch::Contains;
 

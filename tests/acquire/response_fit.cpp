@@ -1,18 +1,14 @@
 // SPDX-License-Identifier: MIT
 #include "acquire/calibrate/response_fit.hpp"
 
-#include <cmath>
 #include <complex>
 #include <functional>
-#include <numbers>
-#include <random>
 
 #include "../catch.hpp"
 #include "drivers/core/axis.hpp"
 #include "drivers/core/random.hpp"
 #include "drivers/radar/log2_codes.hpp"
 
-using namespace echofuse;
 using namespace echofuse::acquire;
 
 namespace {

@@ -4,18 +4,11 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
-#include <limits>
-#include <memory>
-
 #include "acquire/record/network_file_system.hpp"
 #include "acquire/record/recover.hpp"
-#include "acquire/record/run_reader.hpp"
-#include "acquire/record/run_writer.hpp"
 #include "testing.hpp"
 
-using namespace echofuse;
 using namespace echofuse::record;
-using namespace echofuse::test;
 
 namespace {
 

@@ -1,19 +1,11 @@
 // SPDX-License-Identifier: MIT
 // Tests that random runs, with and without optional values, are read back as written.
-#include <cstdlib>
-#include <fstream>
-#include <iterator>
-#include <limits>
-#include <random>
 
-#include "../fixtures/paths.hpp"
 #include "acquire/measurement/radar_array.hpp"
 #include "acquire/record/rows.hpp"
 #include "testing.hpp"
 
-using namespace echofuse;
 using namespace echofuse::record;
-using namespace echofuse::test;
 
 namespace {
 

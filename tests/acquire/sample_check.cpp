@@ -1,13 +1,11 @@
 // SPDX-License-Identifier: MIT
 #include "acquire/intake/sample_check.hpp"
 
-#include <cmath>
 #include <functional>
 
 #include "../catch.hpp"
 #include "drivers/core/random.hpp"
 
-using namespace echofuse;
 using namespace echofuse::acquire;
 
 namespace {

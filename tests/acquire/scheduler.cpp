@@ -1,12 +1,9 @@
 // SPDX-License-Identifier: MIT
 #include "acquire/intake/scheduler.hpp"
 
-#include <vector>
-
 #include "../catch.hpp"
 #include "drivers/core/random.hpp"
 
-using namespace echofuse;
 using namespace echofuse::acquire;
 using namespace std::chrono_literals;
 

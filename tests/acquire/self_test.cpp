@@ -1,14 +1,11 @@
 // SPDX-License-Identifier: MIT
 // Tests the ratings of devices and disks by doctor, with artificial samples and figures.
-#include "../fixtures/paths.hpp"
 #include "acquire/record/columns.hpp"
 #include "acquire/run/disk.hpp"
 #include "captured.hpp"
 #include "testing.hpp"
 
-using namespace echofuse;
 using namespace echofuse::acquire;
-using namespace echofuse::test;
 
 namespace {
 

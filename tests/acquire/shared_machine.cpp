@@ -10,14 +10,13 @@
 #include "drivers/util/program.hpp"
 #include "testing.hpp"
 
-using namespace echofuse::test;
 namespace record = echofuse::record;
 
 namespace {
 
 using Json = nlohmann::json;
 
-const std::string tdc = "[tdc]\naddress = \"bridge:tcp://127.0.0.1:9\"\n";
+const std::string tagger = "[tdc]\naddress = \"bridge:tcp://127.0.0.1:9\"\n";
 
 // Runs a command as a user with `folder` as the home folder and no other configuration.
 Outcome at_home(const Folder& folder, const std::string& environment,
@@ -50,11 +49,11 @@ TEST_CASE("the configuration file in the current folder takes precedence over th
   fs::create_directories(folder / ".config/echofuse");
   fs::create_directories(folder / "xdg/echofuse");
   for (const char* name : {".config/echofuse/lab.toml", "xdg/echofuse/lab.toml", "other.toml"})
-    write_file(folder / name, tdc);
+    write_file(folder / name, tagger);
   CHECK(has(first_line(""), "/.config/echofuse/lab.toml (~/.config/echofuse/lab.toml)"));
   const std::string xdg = "XDG_CONFIG_HOME=" + folder / "xdg";
   CHECK(has(first_line(xdg), "/xdg/echofuse/lab.toml ($XDG_CONFIG_HOME/echofuse/lab.toml)"));
-  write_file(folder / "lab.toml", tdc);
+  write_file(folder / "lab.toml", tagger);
   CHECK(first_line(xdg) == "# lab.toml (./lab.toml)");
   CHECK(first_line("ECHOFUSE_CONFIG=other.toml") == "# other.toml ($ECHOFUSE_CONFIG)");
   CHECK(first_line("ECHOFUSE_CONFIG=none", " --config lab.toml") == "# lab.toml (--config)");
@@ -66,9 +65,9 @@ TEST_CASE("the configuration file in the current folder takes precedence over th
 TEST_CASE("a radar cfg is searched for next to the configuration file, then among installed cfgs") {
   const Folder folder;
   const std::string radar = "[radar]\ncli = \"serial:/dev/a\"\ndata = \"serial:/dev/b\"\ncfg = ";
-  write_file(folder / "lab.toml", tdc + radar + "\"radar/xwr68xx_paper_50cm.cfg\"\n");
+  write_file(folder / "lab.toml", tagger + radar + "\"radar/xwr68xx_paper_50cm.cfg\"\n");
   CHECK(at_home(folder, "", "config check").text == "lab.toml: ok\n");
-  write_file(folder / "lab.toml", tdc + radar + "\"radar/mine.cfg\"\n");
+  write_file(folder / "lab.toml", tagger + radar + "\"radar/mine.cfg\"\n");
   CHECK(has(at_home(folder, "", "config check").text, "radar/mine.cfg: cannot read"));
 }
 
@@ -82,7 +81,7 @@ TEST_CASE("a run without a name gets the next number of the day in the configure
   write_file(day + "009.rescued.sqlite", "");
   write_file(folder / "19990101-500.sqlite", "");
   CHECK(record::next_run(folder / "") == day + "010.sqlite");
-  write_file(folder / "lab.toml", "[run]\nfolder = \"runs\"\n" + tdc);
+  write_file(folder / "lab.toml", "[run]\nfolder = \"runs\"\n" + tagger);
   const auto config = echofuse::acquire::load_config(folder / "lab.toml");
   CHECK(config.run_folder == folder / "runs");
 }
@@ -122,12 +121,12 @@ TEST_CASE("the list command shows notes that were added during and after a run")
   write_file(folder / "other.sqlite", "no database");
   write_file(folder / "text.txt", "no run");
   const auto note = [&](const std::string& text) {
-    return acquire("annotate " + folder / "monday" + " '" + text + "'").code;
+    return test::acquire("annotate " + folder / "monday" + " '" + text + "'").code;
   };
   CHECK(note("first light") == 0);
   CHECK(note("the lens was dirty") == 0);
-  CHECK(acquire("annotate " + folder / "other" + " text").code == 1);
-  const Outcome text = acquire("list " + folder / "");
+  CHECK(test::acquire("annotate " + folder / "other" + " text").code == 1);
+  const Outcome text = test::acquire("list " + folder / "");
   CAPTURE(text.text);
   CHECK(text.code == 0);
   CHECK(has(text.text, "monday   2026-11-23T08:00"));
@@ -144,8 +143,8 @@ TEST_CASE("the list command shows notes that were added during and after a run")
   CHECK(all[0]["notes"] == Json::array({"a test", "first light", "the lens was dirty"}));
   CHECK(all[1]["notes"] == Json::array({"a test"}));
   CHECK(all[1]["valid"]["spd"] == 3);
-  CHECK(has(acquire("info " + folder / "monday").text, "  note      20"));
-  CHECK(acquire("list " + folder / "none").code == 1);
+  CHECK(has(test::acquire("info " + folder / "monday").text, "  note      20"));
+  CHECK(test::acquire("list " + folder / "none").code == 1);
   // Adding a note leaves only the run file behind, as does the end of a run.
   CHECK_FALSE(fs::exists(folder / "monday.sqlite-wal"));
 }
@@ -160,7 +159,7 @@ TEST_CASE("the list command shows live runs and their state") {
   CHECK(told[0]["status"] == "open");
   CHECK(told[0]["live"]["last_index"] == 0);
   CHECK(told[0]["live"]["sensors"]["spd"]["verdict"] == "ok");
-  CHECK(has(acquire("list " + folder / "").text, "live.sqlite is live; its last record is "));
+  CHECK(has(test::acquire("list " + folder / "").text, "live.sqlite is live; its last record is "));
   const Folder elsewhere;
   CHECK_FALSE(has(at_home(elsewhere, "", "list").text, "live"));
 }

@@ -4,7 +4,6 @@
 #include "acquire/record/side_files.hpp"
 
 #include <sys/stat.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 #include <csignal>
@@ -16,9 +15,7 @@
 #include "drivers/core/clock.hpp"
 #include "testing.hpp"
 
-using namespace echofuse;
 using namespace echofuse::record;
-using namespace echofuse::test;
 
 // Starts a transaction with journal_mode=DELETE and kills the program after it has written some
 // pages.

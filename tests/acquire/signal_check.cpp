@@ -1,18 +1,12 @@
 // SPDX-License-Identifier: MIT
 #include "acquire/intake/signal_check.hpp"
 
-#include <cmath>
-#include <numeric>
-#include <random>
-
 #include "../catch.hpp"
 #include "../fixtures/record.hpp"
 #include "drivers/core/random.hpp"
 
-using namespace echofuse;
 using namespace echofuse::acquire;
 using namespace echofuse::test;
-
 using Catch::EndsWith;
 using Catch::StartsWith;
 

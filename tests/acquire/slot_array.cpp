@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
 // Tests how antenna arrays are converted from radar heat maps to records, and how the commands info
 // and doctor report them.
-#include <cmath>
 
 #include "acquire/commands/commands.hpp"
 #include "acquire/intake/window.hpp"
@@ -11,9 +10,7 @@
 #include "drivers/util/settings.hpp"
 #include "testing.hpp"
 
-using namespace echofuse;
 using namespace echofuse::acquire;
-using namespace echofuse::test;
 using namespace std::chrono_literals;
 
 namespace {

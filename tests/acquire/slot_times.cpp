@@ -1,17 +1,13 @@
 // SPDX-License-Identifier: MIT
 // Tests slot times: UTC after the system clock is set, and invalid times in a run file.
-#include <cmath>
-#include <limits>
 
 #include "acquire/commands/commands.hpp"
 #include "acquire/run/journal.hpp"
 #include "drivers/port/virtual_loop.hpp"
 #include "testing.hpp"
 
-using namespace echofuse;
 using namespace echofuse::acquire;
 using namespace std::chrono_literals;
-using namespace echofuse::test;
 
 namespace {
 

@@ -4,7 +4,6 @@
 #include "../catch.hpp"
 #include "../fixtures/record.hpp"
 
-using namespace echofuse;
 using namespace echofuse::acquire;
 
 namespace {

@@ -6,9 +6,7 @@
 #include "acquire/record/sqlite.hpp"
 #include "testing.hpp"
 
-using namespace echofuse;
 using namespace echofuse::record;
-using namespace echofuse::test;
 
 namespace {
 
@@ -51,14 +49,14 @@ TEST_CASE(
             "spd_clock_residual_s || ' ' || spd_clock_samples || ' ' || "
             "(radar_clock_offset_s IS NULL) || (depth_clock_samples IS NULL) "
             "FROM record WHERE idx = 2") == "1.5 -3.0 0.0001 102 11\n");
-  const Json info = Json::parse(acquire("info --json " + path).text);
+  const Json info = Json::parse(test::acquire("info --json " + path).text);
   CHECK(info["incomplete"] == 1);
   CHECK(info["policy"] == Json{{"spd", "required"}, {"depth", "optional"}});
   CHECK(info["clocks"]["spd"]["samples"] ==
         102);  // value from the last record that contains a clock fit
   CHECK(info["clocks"]["depth"]["drift_ppm"] == 20);
   CHECK_FALSE(info["clocks"].contains("radar"));
-  const std::string text = acquire("info " + path).text;
+  const std::string text = test::acquire("info " + path).text;
   CHECK(has(text, "policy    depth optional, spd required; incomplete 1"));
   CHECK(has(text, "clock     spd: offset 1.5 s, drift -3 ppm, residual 100 µs, 102 samples"));
   CHECK(has(text, "axis      spd: 8 x 100 ps from 13343 ps, counts"));

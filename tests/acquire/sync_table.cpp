@@ -1,15 +1,12 @@
 // SPDX-License-Identifier: MIT
 // Tests the assignment of samples to records, by a table of arriving data with their expected
 // records, and a table of expected verdicts.
-#include <cmath>
 #include <map>
-#include <sstream>
 
 #include "../catch.hpp"
 #include "../fixtures/record.hpp"
 #include "acquire/intake/window.hpp"
 
-using namespace echofuse;
 using namespace echofuse::acquire;
 using namespace echofuse::test;
 using namespace std::chrono_literals;

@@ -1,15 +1,11 @@
 // SPDX-License-Identifier: MIT
 #include "acquire/intake/tag_check.hpp"
 
-#include <algorithm>
 #include <span>
-#include <string>
-#include <vector>
 
 #include "../catch.hpp"
 #include "drivers/core/random.hpp"
 
-using namespace echofuse;
 using namespace echofuse::acquire;
 using namespace std::chrono_literals;
 

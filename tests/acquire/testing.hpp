@@ -1,20 +1,12 @@
 // SPDX-License-Identifier: MIT
 // Common parts of the tests in this folder.
 #pragma once
-#include <cstdlib>
-#include <filesystem>
-#include <fstream>
-#include <iterator>
-#include <string>
-#include <vector>
 
-#include "../catch.hpp"
 #include "../fixtures/damage.hpp"
 #include "../fixtures/error.hpp"
 #include "../fixtures/folder.hpp"
 #include "../fixtures/run.hpp"
 #include "../fixtures/shell.hpp"
-#include "acquire/record/run_reader.hpp"
 
 namespace echofuse::test {
 
@@ -41,3 +33,5 @@ inline std::string warnings_of(const std::string& path) {
 void check_same(const FusedRecord& read, const FusedRecord& wrote);
 
 }  // namespace echofuse::test
+
+using namespace echofuse::test;

@@ -1,15 +1,12 @@
 // SPDX-License-Identifier: MIT
 #include "acquire/measurement/verdict.hpp"
 
-#include <algorithm>
 #include <set>
 
-#include "../catch.hpp"
 #include "../fixtures/folder.hpp"
 #include "../fixtures/paths.hpp"
 #include "acquire/commands/commands.hpp"
 
-using namespace echofuse;
 using namespace echofuse::record;
 
 TEST_CASE("the table of verdicts has one row per kind in order, and unambiguous words") {

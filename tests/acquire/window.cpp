@@ -1,14 +1,12 @@
 // SPDX-License-Identifier: MIT
 #include "acquire/intake/window.hpp"
 
-#include <cmath>
 #include <functional>
 
 #include "../catch.hpp"
 #include "../fixtures/record.hpp"
 #include "drivers/core/random.hpp"
 
-using namespace echofuse;
 using namespace echofuse::acquire;
 using namespace echofuse::test;
 using namespace std::chrono_literals;

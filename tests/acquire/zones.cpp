@@ -1,12 +1,8 @@
 // SPDX-License-Identifier: MIT
-#include <numeric>
 
-#include "../catch.hpp"
 #include "../fixtures/folder.hpp"
 #include "../fixtures/run.hpp"
-#include "acquire/record/run_reader.hpp"
 
-using namespace echofuse;
 using namespace echofuse::record;
 using Catch::Contains;
 using namespace echofuse::test;

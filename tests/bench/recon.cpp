@@ -2,7 +2,6 @@
 // bench_recon RUN: benchmark of the reconstruction of a run on one thread. Each part is compared
 // with its limit. The limit of training is the processor's rate of multiply-adds, that of a map is
 // the time to read the weights, and that of loading is the time to read the file.
-#include <algorithm>
 #include <cstdio>
 #include <filesystem>
 

@@ -3,7 +3,6 @@
 // rounds. The option --people prints people and depth maps as numbers instead.
 #include <cstdio>
 #include <functional>
-#include <string>
 
 #include "../fixtures/record.hpp"
 #include "acquire/measurement/depth_map.hpp"

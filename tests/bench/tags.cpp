@@ -7,17 +7,14 @@
 // limit and the kind of limit.
 #include <hwy/highway.h>
 
-#include <algorithm>
 #include <cstdio>
 #include <functional>
-#include <limits>
 #include <string>
 
 #include "acquire/intake/tag_check.hpp"
 #include "drivers/bridge/bridge_protocol.hpp"
 #include "drivers/core/crc32c.hpp"
 #include "drivers/core/random.hpp"
-#include "drivers/tdc/histogram.hpp"
 #include "limits.hpp"
 #ifdef ECHOFUSE_LIBTCSPC
 #include "libtcspc.hpp"

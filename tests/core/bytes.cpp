@@ -7,8 +7,6 @@
 #include "drivers/core/random.hpp"
 #include "drivers/util/console.hpp"
 
-using namespace echofuse;
-
 TEST_CASE("ByteReader returns the written values, and zeros past the end") {
   Bytes bytes;
   put(bytes, std::uint16_t{0x0201});

@@ -4,7 +4,6 @@
 #include "../catch.hpp"
 #include "drivers/util/exit_code.hpp"
 
-using namespace echofuse;
 using namespace echofuse::record;
 
 namespace {

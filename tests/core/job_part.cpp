@@ -2,17 +2,11 @@
 // Tests parts of a job array, and files that are published atomically.
 #include "drivers/util/job_part.hpp"
 
-#include <cstdlib>
-#include <filesystem>
-#include <fstream>
-
-#include "../catch.hpp"
 #include "../fixtures/folder.hpp"
 #include "../fixtures/full_disk.hpp"
 #include "drivers/util/exit_code.hpp"
 #include "drivers/util/new_file.hpp"
 
-using namespace echofuse;
 using Catch::Contains;
 namespace fs = std::filesystem;
 

@@ -4,19 +4,11 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include <algorithm>
 #include <atomic>
-#include <filesystem>
-#include <fstream>
-#include <iterator>
-#include <thread>
-#include <vector>
 
-#include "../catch.hpp"
 #include "../fixtures/error.hpp"
 #include "../fixtures/folder.hpp"
 
-using namespace echofuse;
 using test::contents;
 using test::Folder;
 namespace fs = std::filesystem;

@@ -2,16 +2,9 @@
 #include "drivers/util/npy.hpp"
 
 #include <cstdint>
-#include <fstream>
-#include <limits>
-#include <string>
-#include <vector>
 
-#include "../catch.hpp"
 #include "../fixtures/folder.hpp"
 #include "drivers/core/bytes.hpp"
-
-using namespace echofuse;
 
 namespace {
 

@@ -8,13 +8,9 @@
 #include <cerrno>
 #include <chrono>
 #include <csignal>
-#include <string>
-#include <thread>
 #include <utility>
 
 #include "../catch.hpp"
-
-using namespace echofuse;
 
 namespace {
 

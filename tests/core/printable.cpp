@@ -4,8 +4,6 @@
 #include "../catch.hpp"
 #include "drivers/util/console.hpp"
 
-using namespace echofuse;
-
 TEST_CASE("printable() converts any string to one line of valid UTF-8 without control characters") {
   CHECK(printable("letter:A \xc3\xa9 \xe2\x82\xac \xf0\x9f\x98\x80 \\") ==
         "letter:A \xc3\xa9 \xe2\x82\xac \xf0\x9f\x98\x80 \\");

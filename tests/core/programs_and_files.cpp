@@ -6,12 +6,7 @@
 #include <unistd.h>
 
 #include <atomic>
-#include <filesystem>
-#include <fstream>
-#include <iterator>
-#include <thread>
 
-#include "../catch.hpp"
 #include "../fixtures/folder.hpp"
 #include "../fixtures/full_disk.hpp"
 #include "drivers/core/bytes.hpp"
@@ -21,7 +16,6 @@
 #include "drivers/util/program.hpp"
 #include "drivers/util/regular_file.hpp"
 
-using namespace echofuse;
 using test::contents;
 using test::Folder;
 namespace fs = std::filesystem;

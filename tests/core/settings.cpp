@@ -1,12 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "drivers/util/settings.hpp"
 
-#include <algorithm>
-
-#include "../catch.hpp"
 #include "../fixtures/error.hpp"
-
-using namespace echofuse;
 
 namespace {
 

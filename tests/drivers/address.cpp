@@ -1,11 +1,9 @@
 // SPDX-License-Identifier: MIT
 #include "drivers/port/address.hpp"
 
-#include "../catch.hpp"
 #include "../fixtures/error.hpp"
 #include "drivers/port/backoff.hpp"
 
-using namespace echofuse;
 using namespace echofuse::port;
 
 TEST_CASE("all kinds of device addresses are parsed") {

@@ -9,11 +9,9 @@
 #include "drivers/make_driver.hpp"
 #include "sink.hpp"
 
-using namespace echofuse;
+using boost::asio::ip::tcp;
 using test::depth_block;
 using test::run_until;
-
-using boost::asio::ip::tcp;
 
 namespace {
 

@@ -5,7 +5,6 @@
 #include "blocks.hpp"
 #include "drivers/core/random.hpp"
 
-using namespace echofuse;
 using namespace echofuse::bridge;
 using test::hello_block;
 using test::join;

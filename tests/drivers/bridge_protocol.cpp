@@ -1,11 +1,9 @@
 // SPDX-License-Identifier: MIT
-#include "drivers/bridge/bridge_protocol.hpp"
 
 #include "../catch.hpp"
 #include "blocks.hpp"
 #include "drivers/core/random.hpp"
 
-using namespace echofuse;
 using namespace echofuse::bridge;
 using test::join;
 using test::read_golden;

@@ -1,10 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Tests tagger and camera drivers in virtual time with bridges that stop sending, send wrong
 // lengths, close the connection and accept a new one.
-#include <algorithm>
 #include <deque>
-#include <memory>
-#include <vector>
 
 #include "../catch.hpp"
 #include "../fixtures/wire.hpp"
@@ -13,7 +10,6 @@
 #include "drivers/port/virtual_loop.hpp"
 #include "sink.hpp"
 
-using namespace echofuse;
 using test::counter;
 using test::hello_block;
 using test::run_until;

@@ -3,12 +3,10 @@
 // editors.
 #include "drivers/radar/cfg.hpp"
 
-#include <algorithm>
 #include <array>
 #include <bit>
 #include <cstdio>
 
-#include "../catch.hpp"
 #include "stock_cfg.hpp"
 
 using namespace echofuse::radar;

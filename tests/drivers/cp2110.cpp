@@ -6,7 +6,6 @@
 #include "drivers/port/open_port.hpp"
 #include "drivers/util/exit_code.hpp"
 
-using namespace echofuse;
 using namespace echofuse::port;
 
 TEST_CASE("the UART configuration report of the CP2110 has a big-endian baud rate") {

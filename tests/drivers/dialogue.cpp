@@ -3,11 +3,9 @@
 #include "drivers/radar/command_dialogue.hpp"
 #include "hex.hpp"
 
-using namespace echofuse;
 using namespace echofuse::radar;
-using namespace std::chrono_literals;
-
 using State = CommandDialogue::State;
+using namespace std::chrono_literals;
 
 namespace {
 

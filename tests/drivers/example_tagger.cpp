@@ -4,8 +4,6 @@
 #include "../catch.hpp"
 #include "sink.hpp"
 
-using namespace echofuse;
-
 TEST_CASE("the example tagger driver delivers tags, counts losses and reconnects") {
   int opened = 0, reads = 0;
   const examples::VendorBoard board{

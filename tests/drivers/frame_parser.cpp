@@ -1,13 +1,10 @@
 // SPDX-License-Identifier: MIT
-#include "drivers/radar/frame_parser.hpp"
 
-#include "../catch.hpp"
 #include "drivers/core/random.hpp"
 #include "drivers/radar/log2_codes.hpp"
 #include "hex.hpp"
 #include "parsed_frames.hpp"
 
-using namespace echofuse;
 using namespace echofuse::radar;
 using namespace echofuse::test;
 

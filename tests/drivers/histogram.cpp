@@ -1,9 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "drivers/tdc/histogram.hpp"
 
-#include <algorithm>
 #include <array>
-#include <limits>
 
 #include "../catch.hpp"
 #include "drivers/core/bytes.hpp"
@@ -11,7 +9,6 @@
 #include "drivers/tdc/tag_filter.hpp"
 #include "drivers/util/exit_code.hpp"
 
-using namespace echofuse;
 using namespace echofuse::tdc;
 
 namespace {

@@ -6,10 +6,6 @@
 #include <grp.h>
 #include <unistd.h>
 
-#include <filesystem>
-#include <fstream>
-
-#include "../catch.hpp"
 #include "../fixtures/folder.hpp"
 
 using namespace echofuse::inventory;

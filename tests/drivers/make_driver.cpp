@@ -1,11 +1,9 @@
 // SPDX-License-Identifier: MIT
 #include "drivers/make_driver.hpp"
 
-#include "../catch.hpp"
 #include "../fixtures/error.hpp"
 #include "drivers/port/loop.hpp"
 
-using namespace echofuse;
 using test::refusal_by;
 
 TEST_CASE("an address for another kind of device is refused when the driver is created") {

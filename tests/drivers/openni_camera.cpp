@@ -5,16 +5,10 @@
 #include <OpenNI.h>
 #include <dlfcn.h>
 
-#include <cmath>
-#include <filesystem>
-#include <thread>
-
-#include "../catch.hpp"
 #include "../fixtures/folder.hpp"
 #include "drivers/depth/openni_session.hpp"
 #include "sink.hpp"
 
-using namespace echofuse;
 using namespace echofuse::depth;
 using namespace std::chrono_literals;
 using test::counter;

@@ -1,11 +1,9 @@
 // SPDX-License-Identifier: MIT
 // Parses streams of a radar's data port.
 #pragma once
-#include <algorithm>
 #include <chrono>
 #include <cstdint>
 #include <utility>
-#include <vector>
 
 #include "../catch.hpp"
 #include "drivers/radar/frame_parser.hpp"

@@ -1,15 +1,10 @@
 // SPDX-License-Identifier: MIT
-#include "drivers/radar/profile.hpp"
 
-#include <cmath>
-
-#include "../catch.hpp"
 #include "../fixtures/folder.hpp"
 #include "../fixtures/shell.hpp"
 #include "drivers/radar/log2_codes.hpp"
 #include "stock_cfg.hpp"
 
-using namespace echofuse;
 using namespace echofuse::radar;
 using namespace echofuse::test;
 

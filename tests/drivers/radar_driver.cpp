@@ -5,16 +5,13 @@
 
 #include <boost/asio/posix/stream_descriptor.hpp>
 #include <boost/asio/write.hpp>
-#include <filesystem>
 
-#include "../catch.hpp"
 #include "../fixtures/folder.hpp"
 #include "drivers/make_driver.hpp"
 #include "drivers/radar/profile.hpp"
 #include "hex.hpp"
 #include "sink.hpp"
 
-using namespace echofuse;
 using test::run_until;
 
 namespace {

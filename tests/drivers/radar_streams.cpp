@@ -3,11 +3,9 @@
 // without the encoder of the simulator. They contain different headers with the same magic word,
 // different TLVs, partial frames at the start and at the end, and frames shorter than the length in
 // their header.
-#include "../catch.hpp"
 #include "drivers/core/random.hpp"
 #include "parsed_frames.hpp"
 
-using namespace echofuse;
 using namespace echofuse::radar;
 using namespace echofuse::test;
 

@@ -1,18 +1,12 @@
 // SPDX-License-Identifier: MIT
 #include "drivers/port/raw_tap.hpp"
 
-#include <filesystem>
-#include <fstream>
-#include <thread>
-
-#include "../catch.hpp"
 #include "../fixtures/folder.hpp"
 #include "drivers/bridge/bridge_writer.hpp"
 #include "drivers/port/virtual_loop.hpp"
 #include "drivers/util/exit_code.hpp"
 #include "hex.hpp"
 
-using namespace echofuse;
 using namespace echofuse::port;
 namespace fs = std::filesystem;
 

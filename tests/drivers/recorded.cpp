@@ -2,19 +2,13 @@
 // Compares the parser results of recorded and damaged bytes with stored results. tests/fuzz/corpus
 // contains the bytes, and recorded/NAME.txt has one line per file. After an intended change, check
 // the printed line and copy it into the table.
-#include <algorithm>
-#include <filesystem>
-#include <fstream>
 #include <iterator>
 #include <map>
-#include <sstream>
 
 #include "../catch.hpp"
 #include "drivers/bridge/bridge_protocol.hpp"
 #include "drivers/radar/frame_parser.hpp"
 #include "hex.hpp"
-
-using namespace echofuse;
 
 namespace {
 

@@ -1,11 +1,6 @@
 // SPDX-License-Identifier: MIT
 // Tests the frame parser and the import with recordings that other people made of real radars.
-#include <algorithm>
-#include <filesystem>
-#include <fstream>
-#include <iterator>
 
-#include "../catch.hpp"
 #include "../fixtures/data.hpp"
 #include "../fixtures/folder.hpp"
 #include "../fixtures/record.hpp"
@@ -13,7 +8,6 @@
 #include "acquire/record/run_reader.hpp"
 #include "drivers/radar/frame_parser.hpp"
 
-using namespace echofuse;
 using namespace echofuse::test;
 
 namespace {

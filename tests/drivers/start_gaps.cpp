@@ -1,13 +1,9 @@
 // SPDX-License-Identifier: MIT
-#include <algorithm>
-#include <cmath>
-#include <random>
 
 #include "../catch.hpp"
 #include "drivers/core/random.hpp"
 #include "drivers/tdc/histogram.hpp"
 
-using namespace echofuse;
 using namespace echofuse::tdc;
 
 namespace {

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
-#include <string>
 
-#include "../catch.hpp"
 #include "../fixtures/error.hpp"
 #include "drivers/radar/profile.hpp"
 

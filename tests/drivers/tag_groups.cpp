@@ -5,14 +5,10 @@
 
 #include <hwy/highway.h>
 
-#include <cstdlib>
-#include <limits>
-
 #include "../catch.hpp"
 #include "drivers/core/random.hpp"
 #include "tag_reference.hpp"
 
-using namespace echofuse;
 using namespace echofuse::tdc;
 
 namespace {

@@ -2,7 +2,6 @@
 #include "tests/emulation/cp2110_chip.hpp"
 
 #include <algorithm>
-#include <utility>
 
 namespace echofuse::sim {
 namespace {

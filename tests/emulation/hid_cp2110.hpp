@@ -4,11 +4,7 @@
 // one packet per millisecond.
 #pragma once
 #include <condition_variable>
-#include <cstdint>
-#include <functional>
 #include <mutex>
-#include <optional>
-#include <string>
 #include <thread>
 
 #include "tests/emulation/cp2110_chip.hpp"

@@ -4,9 +4,7 @@
 #include <atomic>
 #include <boost/asio/post.hpp>
 #include <boost/asio/steady_timer.hpp>
-#include <utility>
 
-#include "drivers/port/loop.hpp"
 #include "sim/devices/tag_stream.hpp"
 #include "sim/wire/encode.hpp"
 

@@ -2,7 +2,6 @@
 // Time tagger on an emulated USB bus: the device side of drivers/BRIDGES.md,
 // bridge protocol over USB.
 #pragma once
-#include <memory>
 
 #include "drivers/port/loop.hpp"
 #include "sim/devices/device.hpp"

@@ -6,9 +6,7 @@
 #include <condition_variable>
 #include <cstdint>
 #include <deque>
-#include <functional>
 #include <mutex>
-#include <string>
 
 #include "tests/emulation/usb_bed.hpp"
 

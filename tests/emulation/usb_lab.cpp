@@ -3,11 +3,9 @@
 // simulated laboratory with an emulated USB time tagger.
 #include <CLI/CLI.hpp>
 
-#include "drivers/port/loop.hpp"
 #include "drivers/util/console.hpp"
 #include "sim/lab/lab.hpp"
 #include "tests/emulation/tdc_usb.hpp"
-#include "tests/emulation/usb_bed.hpp"
 
 namespace {
 

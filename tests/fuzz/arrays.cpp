@@ -6,9 +6,6 @@
 #include "acquire/record/run_reader.hpp"
 #include "files.hpp"
 
-using namespace echofuse;
-using fuzz::require;
-
 namespace {
 
 constexpr std::pair<char, const char*> names[] = {{'s', "spd.npy"},   {'r', "radar.npy"},

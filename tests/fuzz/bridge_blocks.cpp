@@ -4,9 +4,7 @@
 #include "blocks.hpp"
 #include "drivers/bridge/bridge_writer.hpp"
 
-using namespace echofuse;
 using namespace echofuse::bridge;
-using fuzz::require;
 
 namespace {
 

@@ -5,9 +5,7 @@
 #include "drivers/bridge/bridge_protocol.hpp"
 #include "fuzz.hpp"
 
-using namespace echofuse;
 using namespace echofuse::bridge;
-using fuzz::require;
 
 namespace {
 

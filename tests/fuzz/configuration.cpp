@@ -3,9 +3,6 @@
 #include "acquire/config/config.hpp"
 #include "files.hpp"
 
-using namespace echofuse;
-using fuzz::require;
-
 namespace {
 
 std::string contents(const std::string& path) {

@@ -3,9 +3,7 @@
 #include "drivers/port/cp2110.hpp"
 #include "fuzz.hpp"
 
-using namespace echofuse;
 using namespace echofuse::port;
-using fuzz::require;
 
 namespace {
 

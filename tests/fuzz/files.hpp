@@ -1,14 +1,11 @@
 // SPDX-License-Identifier: MIT
 // Divides inputs into files, for targets that read files.
 #pragma once
-#include <algorithm>
 #include <array>
-#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <initializer_list>
 #include <map>
-#include <string>
 #include <utility>
 
 #include "drivers/util/exit_code.hpp"

@@ -56,3 +56,6 @@ inline void require_faults(std::string_view faults, std::string_view begin) {
 }
 
 }  // namespace echofuse::fuzz
+
+using namespace echofuse;
+using fuzz::require;

@@ -8,9 +8,7 @@
 #include "drivers/util/exit_code.hpp"
 #include "fuzz.hpp"
 
-using namespace echofuse;
 using namespace echofuse::acquire;
-using fuzz::require;
 
 namespace {
 

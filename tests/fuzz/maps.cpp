@@ -8,9 +8,6 @@
 #include "recon/maps/written_maps.hpp"
 #include "recon/score/paired.hpp"
 
-using namespace echofuse;
-using fuzz::require;
-
 namespace {
 
 constexpr std::uint32_t side = 4;

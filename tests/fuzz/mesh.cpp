@@ -7,9 +7,6 @@
 #include "drivers/util/exit_code.hpp"
 #include "fuzz.hpp"
 
-using namespace echofuse;
-using fuzz::require;
-
 void fuzz::run(ByteView input) {
   try {
     const sim::Mesh mesh = sim::read_mesh(std::string(text_of(input)), "x.mesh");

@@ -16,10 +16,8 @@
 #include "recon/predict/predict.hpp"
 #include "recon/train/train.hpp"
 
-using namespace echofuse;
 using namespace echofuse::recon;
 using namespace echofuse::test;
-using fuzz::require;
 
 namespace {
 

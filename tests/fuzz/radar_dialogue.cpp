@@ -4,9 +4,7 @@
 #include "drivers/radar/command_dialogue.hpp"
 #include "fuzz.hpp"
 
-using namespace echofuse;
 using namespace echofuse::radar;
-using fuzz::require;
 using namespace std::chrono_literals;
 
 namespace {

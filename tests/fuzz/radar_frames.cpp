@@ -1,13 +1,10 @@
 // SPDX-License-Identifier: MIT
 // Input: u8 seed for the split of the stream, then the stream of the data port.
-#include <numeric>
 
 #include "drivers/radar/frame_parser.hpp"
 #include "fuzz.hpp"
 
-using namespace echofuse;
 using namespace echofuse::radar;
-using fuzz::require;
 
 namespace {
 

@@ -9,9 +9,6 @@
 #include "blocks.hpp"
 #include "files.hpp"
 
-using namespace echofuse;
-using fuzz::require;
-
 namespace {
 
 constexpr std::pair<char, const char*> names[] = {

@@ -10,10 +10,8 @@
 #include "files.hpp"
 #include "recon/data/dataset.hpp"
 
-using namespace echofuse;
 using namespace echofuse::record;
 using namespace echofuse::test;
-using fuzz::require;
 
 namespace {
 

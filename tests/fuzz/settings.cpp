@@ -5,9 +5,6 @@
 
 #include "fuzz.hpp"
 
-using namespace echofuse;
-using fuzz::require;
-
 namespace {
 
 struct Sample {

@@ -11,9 +11,6 @@
 #include "sim/scene/scene_list.hpp"
 #include "sim/twin/twin.hpp"
 
-using namespace echofuse;
-using fuzz::require;
-
 namespace {
 
 void read_scenes(const std::string& text) {

@@ -5,9 +5,7 @@
 #include "recon/live/http.hpp"
 #include "recon/live/message.hpp"
 
-using namespace echofuse;
 using namespace echofuse::view;
-using fuzz::require;
 
 namespace {
 

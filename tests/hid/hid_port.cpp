@@ -1,15 +1,10 @@
 // SPDX-License-Identifier: MIT
 // Tests the HID port with the stock hidapi and an emulated CP2110.
 #include <hidapi/hidapi.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
 #include <chrono>
-#include <filesystem>
-#include <mutex>
-#include <thread>
 
-#include "../catch.hpp"
 #include "../fixtures/folder.hpp"
 #include "../fixtures/shell.hpp"
 #include "bed.hpp"
@@ -18,7 +13,6 @@
 #include "drivers/port/open_port.hpp"
 #include "tests/emulation/hid_cp2110.hpp"
 
-using namespace echofuse;
 using namespace std::chrono_literals;
 
 namespace {

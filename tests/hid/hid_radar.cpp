@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: MIT
 // Tests the unmodified driver with a simulated radar board behind two CP2110 chips.
-#include <algorithm>
 
-#include "../catch.hpp"
 #include "../drivers/sink.hpp"
 #include "../fixtures/folder.hpp"
 #include "../fixtures/paths.hpp"
@@ -12,7 +10,6 @@
 #include "sim/devices/uart.hpp"
 #include "tests/emulation/hid_cp2110.hpp"
 
-using namespace echofuse;
 using test::run_until;
 
 namespace {

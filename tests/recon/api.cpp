@@ -2,13 +2,8 @@
 // Compares the public C++ interface (recon/include/echofuse) with the internal readers and models.
 #include <echofuse/predict.hpp>
 #include <echofuse/version.hpp>
-#include <thread>
 
-#include "recon/predict/predict.hpp"
 #include "world.hpp"
-
-using namespace echofuse;
-using namespace echofuse::test;
 
 namespace {
 
@@ -67,7 +62,7 @@ TEST_CASE("the API predicts the same depth map as the model") {
   const std::string kind = GENERATE("one_pixel", "nine_zones");
   const std::string path = made_default_model(kind, "fused"),
                     fresh = made_default_run(kind, "40", "2");
-  const Model model(path);
+  const echofuse::Model model(path);
   const recon::TrainedModel whole = recon::load_model(path);
   const Run run(fresh);
   const recon::Dataset data = recon::load({fresh});
@@ -101,7 +96,7 @@ TEST_CASE("the API predicts the same depth map from the arrays of a record as fr
   REQUIRE(recon_program("train -q --set fallback=false --epochs 3 --model factorised-4 " +
                         (dir / "run") + " --out " + (dir / "m"))
               .code == 0);
-  const Model model(dir / "m");
+  const echofuse::Model model(dir / "m");
   CHECK(model.zones() == zones.size());
   for (std::int64_t i = 0; i < 4; ++i) {
     const Record record = run.read(i);
@@ -116,7 +111,7 @@ TEST_CASE("the API predicts the same depth map from the arrays of a record as fr
 
 TEST_CASE("the API returns an error message instead of a map if a sensor is missing") {
   const Folder dir;
-  const Model model(made_model("mean-shape", 80));
+  const echofuse::Model model(made_model("mean-shape", 80));
   a_run(1, 2, [](FusedRecord& r) { lose(r, Sensor::radar); }).write(dir / "fresh");
   const DepthMap map = predict(model, Run(dir / "fresh").read(0));
   CHECK_THAT(map.fault, Catch::Contains("radar"));
@@ -155,7 +150,7 @@ TEST_CASE("zones, antennas, calibrations and events read through the API equal t
 }
 
 TEST_CASE("a record can be used after its run has been closed, and from several threads") {
-  const Model model(made_model("ridge", 80));
+  const echofuse::Model model(made_model("ridge", 80));
   const Record record = Run(made_run(80)).read(3);
   const std::vector<float> depth_m = predict(model, record).depth_m;
   std::atomic<int> equal = 0;
@@ -168,9 +163,11 @@ TEST_CASE("a record can be used after its run has been closed, and from several 
 
 TEST_CASE("exceptions of the API have the code of their cause") {
   const Folder dir;
-  const Model model(made_model("ridge", 80));
+  const echofuse::Model model(made_model("ridge", 80));
   const auto open = [&](const char* name) { return thrown_by([&] { return Run(dir / name); }); };
-  const auto load = [&](const char* name) { return thrown_by([&] { return Model(dir / name); }); };
+  const auto load = [&](const char* name) {
+    return thrown_by([&] { return echofuse::Model(dir / name); });
+  };
   a_run(4).write(dir / "run");
   damage(dir / "run", "histogram of one byte in record ?1", {1});
   for (const char* copy : {"m", "cut"}) std::filesystem::copy(made_model("ridge", 80), dir / copy);
@@ -190,7 +187,7 @@ TEST_CASE("exceptions of the API have the code of their cause") {
 }
 
 TEST_CASE("the API refuses invalid input values and states the reason") {
-  const Model model(made_model("ridge", 80));
+  const echofuse::Model model(made_model("ridge", 80));
   const std::vector<float> power(24, 1);
   const auto said = [&](const std::vector<float>& clicks, const std::vector<float>& echoes) {
     return std::string(thrown_by([&] { return predict(model, clicks, echoes); }).what());

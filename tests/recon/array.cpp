@@ -3,14 +3,7 @@
 #include "recon/data/lags.hpp"
 #include "recon/method/array_view.hpp"
 #include "recon/method/rotation.hpp"
-#include "recon/predict/predict.hpp"
-#include "recon/score/evaluate.hpp"
-#include "recon/train/train.hpp"
 #include "world.hpp"
-
-using namespace echofuse;
-using namespace echofuse::recon;
-using namespace echofuse::test;
 
 namespace {
 

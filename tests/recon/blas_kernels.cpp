@@ -2,14 +2,9 @@
 // The tests of BLAS kernels are a separate program, because a process selects its kernels only
 // once, before its first matrix product.
 
-#include <cstdlib>
-#include <vector>
-
-#include "../catch.hpp"
 #include "../fixtures/shell.hpp"
 #include "recon/numbers/blas.hpp"
 
-using namespace echofuse;
 using namespace echofuse::recon;
 
 extern "C" {

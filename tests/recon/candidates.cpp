@@ -1,16 +1,8 @@
 // SPDX-License-Identifier: MIT
 // Tests model selection: layer sizes in model names, and the one-standard-error rule.
-#include <algorithm>
-#include <cmath>
-#include <sstream>
 
 #include "recon/train/crossvalidate.hpp"
-#include "recon/train/train.hpp"
 #include "world.hpp"
-
-using namespace echofuse;
-using namespace echofuse::recon;
-using namespace echofuse::test;
 
 namespace {
 

@@ -1,20 +1,10 @@
 // SPDX-License-Identifier: MIT
 // Tests the command line of echofuse-recon: exit codes, error texts, output and files.
 #include <signal.h>
-#include <sys/wait.h>
-#include <unistd.h>
-
-#include <fstream>
-#include <limits>
-#include <nlohmann/json.hpp>
 
 #include "recon/data/shift.hpp"
-#include "recon/maps/png.hpp"
 #include "recon/predict/trained_model.hpp"
 #include "world.hpp"
-
-using namespace echofuse;
-using namespace echofuse::test;
 
 namespace {
 

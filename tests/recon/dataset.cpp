@@ -1,15 +1,8 @@
 // SPDX-License-Identifier: MIT
-#include "recon/data/dataset.hpp"
-
-#include <limits>
 
 #include "recon/data/features.hpp"
 #include "recon/data/split.hpp"
 #include "world.hpp"
-
-using namespace echofuse;
-using namespace echofuse::recon;
-using namespace echofuse::test;
 
 TEST_CASE(
     "two runs are loaded as one data set, but a copy of a run or a run with other axes is "

@@ -1,12 +1,6 @@
 // SPDX-License-Identifier: MIT
 // Tests that every model either predicts finite maps for degenerate data sets or refuses them.
-#include "recon/score/evaluate.hpp"
-#include "recon/train/train.hpp"
 #include "world.hpp"
-
-using namespace echofuse;
-using namespace echofuse::recon;
-using namespace echofuse::test;
 
 namespace {
 

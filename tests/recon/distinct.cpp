@@ -2,12 +2,7 @@
 // Tests loading and prediction with the two default runs, in which a swapped axis, a wrong sign and
 // a mixed-up file or zone change the result.
 #include "recon/predict/trained_model.hpp"
-#include "recon/score/evaluate.hpp"
 #include "world.hpp"
-
-using namespace echofuse;
-using namespace echofuse::recon;
-using namespace echofuse::test;
 
 namespace {
 

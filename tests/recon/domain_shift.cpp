@@ -1,17 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include "recon/trust/domain_shift.hpp"
 
-#include <fstream>
-
 #include "recon/numbers/statistics.hpp"
-#include "recon/predict/predict.hpp"
-#include "recon/score/evaluate.hpp"
-#include "recon/train/train.hpp"
 #include "world.hpp"
-
-using namespace echofuse;
-using namespace echofuse::recon;
-using namespace echofuse::test;
 
 namespace {
 

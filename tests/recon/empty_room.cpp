@@ -2,17 +2,8 @@
 // Tests a model that was trained in one room with a wall and is adapted to a second room.
 #include "recon/predict/empty_room.hpp"
 
-#include <nlohmann/json.hpp>
-
 #include "recon/data/shift.hpp"
-#include "recon/predict/predict.hpp"
-#include "recon/score/evaluate.hpp"
-#include "recon/train/train.hpp"
 #include "world.hpp"
-
-using namespace echofuse;
-using namespace echofuse::recon;
-using namespace echofuse::test;
 
 namespace {
 

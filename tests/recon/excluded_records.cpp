@@ -1,18 +1,9 @@
 // SPDX-License-Identifier: MIT
 // Tests which records are excluded from training and evaluation: damaged, dead, doubtful and
 // duplicate records.
-#include <cmath>
-#include <limits>
-#include <nlohmann/json.hpp>
 
 #include "recon/data/copies.hpp"
-#include "recon/data/dataset.hpp"
-#include "recon/train/train.hpp"
 #include "world.hpp"
-
-using namespace echofuse;
-using namespace echofuse::recon;
-using namespace echofuse::test;
 
 namespace {
 

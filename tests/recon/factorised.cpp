@@ -1,17 +1,10 @@
 // SPDX-License-Identifier: MIT
-#include <array>
 
 #include "crafted.hpp"
 #include "recon/data/files.hpp"
 #include "recon/method/body_frame.hpp"
 #include "recon/method/method.hpp"
-#include "recon/score/evaluate.hpp"
-#include "recon/train/train.hpp"
 #include "world.hpp"
-
-using namespace echofuse;
-using namespace echofuse::recon;
-using namespace echofuse::test;
 
 namespace {
 

@@ -1,15 +1,6 @@
 // SPDX-License-Identifier: MIT
-#include <fstream>
-#include <nlohmann/json.hpp>
-#include <sstream>
 
-#include "recon/score/evaluate.hpp"
-#include "recon/train/train.hpp"
 #include "world.hpp"
-
-using namespace echofuse;
-using namespace echofuse::recon;
-using namespace echofuse::test;
 
 namespace {
 

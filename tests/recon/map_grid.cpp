@@ -1,14 +1,8 @@
 // SPDX-License-Identifier: MIT
 // Tests map grids of any size, from the axes of a run to the predicted maps.
-#include <nlohmann/json.hpp>
 
-#include "recon/maps/png.hpp"
 #include "recon/predict/trained_model.hpp"
 #include "world.hpp"
-
-using namespace echofuse;
-using namespace echofuse::recon;
-using namespace echofuse::test;
 
 TEST_CASE("depth images are resampled to the map grid of the run") {
   const Folder dir;

@@ -1,13 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "recon/models/mask_loss.hpp"
 
-#include "recon/score/evaluate.hpp"
-#include "recon/train/train.hpp"
 #include "world.hpp"
-
-using namespace echofuse;
-using namespace echofuse::recon;
-using namespace echofuse::test;
 
 TEST_CASE("gradients of the mask loss equal central differences") {
   const std::vector<float> truth = {0, 1.2f, 3, 0, 5, 2.5f}, background = {0, 0, 0, 5, 5, 5};

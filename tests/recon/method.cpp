@@ -2,17 +2,10 @@
 // Tests numerical steps and constants that all models share.
 #include "recon/method/method.hpp"
 
-#include <nlohmann/json.hpp>
-
 #include "drivers/util/console.hpp"
 #include "recon/method/bin_sums.hpp"
 #include "recon/numbers/blas.hpp"
-#include "recon/train/train.hpp"
 #include "world.hpp"
-
-using namespace echofuse;
-using namespace echofuse::recon;
-using namespace echofuse::test;
 
 TEST_CASE("histogram sums with four accumulators equal those of a plain loop") {
   Rng rng = make_rng(1, 0);

@@ -2,14 +2,11 @@
 // Compares the scores of simple maps with values computed by hand.
 #include "recon/metrics/metrics.hpp"
 
-#include <cmath>
-
 #include "../catch.hpp"
 #include "acquire/measurement/depth_map.hpp"
 #include "drivers/core/random.hpp"
 #include "recon/trust/pixel_error.hpp"
 
-using namespace echofuse;
 using namespace echofuse::recon;
 
 namespace {

@@ -1,18 +1,9 @@
 // SPDX-License-Identifier: MIT
 // Tests the loading of untrusted model files, which may be truncated, corrupted or malicious.
-#include <cmath>
-#include <cstdlib>
-#include <random>
 
 #include "crafted.hpp"
 #include "recon/data/files.hpp"
-#include "recon/predict/predict.hpp"
-#include "recon/train/train.hpp"
 #include "world.hpp"
-
-using namespace echofuse;
-using namespace echofuse::recon;
-using namespace echofuse::test;
 
 namespace {
 

@@ -3,13 +3,7 @@
 #include <Eigen/Core>
 
 #include "recon/models/model.hpp"
-#include "recon/score/evaluate.hpp"
-#include "recon/train/train.hpp"
 #include "world.hpp"
-
-using namespace echofuse;
-using namespace echofuse::recon;
-using namespace echofuse::test;
 
 namespace {
 

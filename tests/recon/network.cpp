@@ -1,13 +1,10 @@
 // SPDX-License-Identifier: MIT
 #include "recon/network/network.hpp"
 
-#include <cmath>
-
 #include "../catch.hpp"
 #include "recon/network/adam.hpp"
 #include "recon/numbers/blas.hpp"
 
-using namespace echofuse;
 using namespace echofuse::recon;
 
 namespace {

@@ -2,19 +2,12 @@
 // Tests that models predict finite maps or are refused for any seed and learning rate, and that
 // ridge regression handles nearly singular inputs.
 #include <Eigen/SVD>
-#include <cstdlib>
 
 #include "recon/data/files.hpp"
 #include "recon/method/method.hpp"
 #include "recon/network/regression.hpp"
 #include "recon/numbers/components.hpp"
-#include "recon/score/evaluate.hpp"
-#include "recon/train/train.hpp"
 #include "world.hpp"
-
-using namespace echofuse;
-using namespace echofuse::recon;
-using namespace echofuse::test;
 
 namespace {
 

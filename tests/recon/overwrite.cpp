@@ -7,10 +7,6 @@
 #include "recon/predict/trained_model.hpp"
 #include "world.hpp"
 
-using namespace echofuse;
-using namespace echofuse::recon;
-using namespace echofuse::test;
-
 TEST_CASE("train never overwrites an existing file") {
   const ReconFolder dir;
   a_run(40).write(dir / "run");

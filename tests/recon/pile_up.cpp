@@ -1,17 +1,11 @@
 // SPDX-License-Identifier: MIT
 #include "recon/data/pile_up.hpp"
 
-#include <cmath>
-#include <limits>
-#include <random>
-#include <vector>
-
 #include "../catch.hpp"
 #include "recon/numbers/statistics.hpp"
 
 namespace {
 
-using namespace echofuse;
 using namespace echofuse::recon;
 
 constexpr double bin_ps = 100, period_ps = 20'000;

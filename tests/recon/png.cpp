@@ -4,15 +4,8 @@
 
 #include <zlib.h>
 
-#include <algorithm>
-#include <cstdlib>
-#include <limits>
-#include <random>
-
 #include "../catch.hpp"
 #include "acquire/record/deflate.hpp"
-
-using namespace echofuse;
 
 namespace {
 

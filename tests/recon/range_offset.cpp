@@ -1,17 +1,9 @@
 // SPDX-License-Identifier: MIT
 // Tests that the range bias in the calibration of a run and the value of the option --range-offset
 // are subtracted from radar ranges.
-#include <nlohmann/json.hpp>
 
 #include "recon/data/shift.hpp"
-#include "recon/maps/png.hpp"
-#include "recon/score/evaluate.hpp"
-#include "recon/train/train.hpp"
 #include "world.hpp"
-
-using namespace echofuse;
-using namespace echofuse::recon;
-using namespace echofuse::test;
 
 namespace {
 

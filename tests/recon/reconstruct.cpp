@@ -1,18 +1,12 @@
 // SPDX-License-Identifier: MIT
 // Tests the output files of `reconstruct`, and a run that is reconstructed while it is recorded.
-#include <sys/wait.h>
 
 #include <map>
-#include <random>
-#include <thread>
 
 #include "drivers/core/clock.hpp"
 #include "recon/maps/map_files.hpp"
 #include "recon/maps/written_maps.hpp"
 #include "world.hpp"
-
-using namespace echofuse;
-using namespace echofuse::test;
 
 namespace {
 

@@ -1,14 +1,11 @@
 // SPDX-License-Identifier: MIT
 #include "recon/data/response_conversion.hpp"
 
-#include <cmath>
 #include <complex>
-#include <numbers>
 
 #include "../catch.hpp"
 #include "../fixtures/dataset.hpp"
 
-using namespace echofuse;
 using namespace echofuse::recon;
 using namespace echofuse::test;
 

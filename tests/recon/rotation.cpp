@@ -5,10 +5,6 @@
 #include "recon/method/method.hpp"
 #include "world.hpp"
 
-using namespace echofuse;
-using namespace echofuse::recon;
-using namespace echofuse::test;
-
 namespace {
 
 constexpr double baseline_m = 0.5;

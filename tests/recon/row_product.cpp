@@ -8,13 +8,7 @@
 #include <bit>
 
 #include "recon/numbers/parallel.hpp"
-#include "recon/predict/predict.hpp"
-#include "recon/train/train.hpp"
 #include "world.hpp"
-
-using namespace echofuse;
-using namespace echofuse::recon;
-using namespace echofuse::test;
 
 namespace {
 

@@ -1,14 +1,9 @@
 // SPDX-License-Identifier: MIT
 // Tests the reference of scores: foreground and background of the evaluated run, or RMSE if the run
 // has no foreground.
-#include <nlohmann/json.hpp>
 
 #include "recon/score/paired.hpp"
 #include "world.hpp"
-
-using namespace echofuse;
-using namespace echofuse::recon;
-using namespace echofuse::test;
 
 TEST_CASE("scores use the foreground and background of the evaluated run, not those of the model") {
   const ReconFolder dir;

@@ -1,10 +1,6 @@
 // SPDX-License-Identifier: MIT
 #include "recon/data/shift.hpp"
 
-#include <cmath>
-#include <numbers>
-#include <numeric>
-
 #include "../catch.hpp"
 
 using echofuse::recon::Shift;

@@ -1,8 +1,4 @@
 // SPDX-License-Identifier: MIT
-#include <chrono>
-#include <fstream>
-#include <sstream>
-#include <string>
 
 #include "../catch.hpp"
 #include "../fixtures/paths.hpp"

@@ -1,15 +1,11 @@
 // SPDX-License-Identifier: MIT
 #include "recon/trust/static_echoes.hpp"
 
-#include <numbers>
-#include <random>
-
 #include "../catch.hpp"
 #include "../fixtures/dataset.hpp"
 #include "drivers/core/random.hpp"
 #include "recon/trust/domain_shift.hpp"
 
-using namespace echofuse;
 using namespace echofuse::recon;
 using namespace echofuse::test;
 

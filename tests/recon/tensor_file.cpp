@@ -6,8 +6,6 @@
 #include "../catch.hpp"
 #include "crafted.hpp"
 
-using namespace echofuse;
-
 TEST_CASE("overlapping tensors in a model file are refused before they are copied") {
   const std::size_t size = 1 << 20;
   nlohmann::json head;

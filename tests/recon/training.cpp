@@ -4,12 +4,7 @@
 
 #include "drivers/util/program.hpp"
 #include "recon/numbers/parallel.hpp"
-#include "recon/train/train.hpp"
 #include "world.hpp"
-
-using namespace echofuse;
-using namespace echofuse::recon;
-using namespace echofuse::test;
 
 TEST_CASE("training gives the same model bit for bit for any number of threads, but not any seed") {
   const Dataset data = load_plates(150);

@@ -1,15 +1,10 @@
 // SPDX-License-Identifier: MIT
 // Tests the warnings about depth maps that contradict the other sensors, and the scoring of written
 // maps.
-#include <nlohmann/json.hpp>
 
 #include "recon/data/late_truth.hpp"
 #include "recon/metrics/mirrored_camera.hpp"
 #include "world.hpp"
-
-using namespace echofuse;
-using namespace echofuse::recon;
-using namespace echofuse::test;
 
 namespace {
 

@@ -6,12 +6,7 @@
 #include <map>
 
 #include "recon/numbers/statistics.hpp"
-#include "recon/predict/predict.hpp"
 #include "world.hpp"
-
-using namespace echofuse;
-using namespace echofuse::recon;
-using namespace echofuse::test;
 
 namespace {
 

@@ -1,13 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "recon/predict/predict.hpp"
-#include "recon/score/evaluate.hpp"
-#include "recon/train/train.hpp"
-#include "recon/trust/out_of_distribution.hpp"
 #include "world.hpp"
-
-using namespace echofuse;
-using namespace echofuse::recon;
-using namespace echofuse::test;
 
 namespace {
 

@@ -1,21 +1,9 @@
 // SPDX-License-Identifier: MIT
 #include "recon/trust/uncertainty.hpp"
 
-#include <fstream>
-#include <nlohmann/json.hpp>
-#include <numeric>
-
 #include "recon/data/response_conversion.hpp"
-#include "recon/maps/png.hpp"
-#include "recon/predict/predict.hpp"
-#include "recon/score/evaluate.hpp"
 #include "recon/train/fit_uncertainty.hpp"
-#include "recon/train/train.hpp"
 #include "world.hpp"
-
-using namespace echofuse;
-using namespace echofuse::recon;
-using namespace echofuse::test;
 
 namespace {
 

@@ -2,31 +2,19 @@
 // Functions that the tests of recon share. Most tests use a_run(). Its few bins and coarse plates
 // let training take a fraction of a second.
 #pragma once
-#include <sys/wait.h>
 #include <unistd.h>
 
-#include <algorithm>
-#include <cmath>
 #include <complex>
 #include <csignal>
-#include <filesystem>
-#include <fstream>
-#include <functional>
 #include <nlohmann/json.hpp>
 #include <span>
-#include <string>
-#include <vector>
 
-#include "../catch.hpp"
 #include "../fixtures/damage.hpp"
 #include "../fixtures/dataset.hpp"
 #include "../fixtures/folder.hpp"
 #include "../fixtures/made.hpp"
 #include "../fixtures/run.hpp"
 #include "../fixtures/shell.hpp"
-#include "acquire/measurement/depth_map.hpp"
-#include "acquire/record/fused_record.hpp"
-#include "drivers/core/random.hpp"
 #include "recon/maps/png.hpp"
 #include "recon/predict/predict.hpp"
 #include "recon/score/evaluate.hpp"
@@ -205,3 +193,6 @@ inline int exit_code(pid_t child, int signal = 0) {
 }
 
 }  // namespace echofuse::test
+
+using namespace echofuse::recon;
+using namespace echofuse::test;

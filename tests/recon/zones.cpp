@@ -1,17 +1,9 @@
 // SPDX-License-Identifier: MIT
-#include "../catch.hpp"
-#include "recon/data/dataset.hpp"
 #include "recon/data/features.hpp"
 #include "recon/method/method.hpp"
-#include "recon/predict/predict.hpp"
-#include "recon/score/evaluate.hpp"
 #include "recon/train/fit_uncertainty.hpp"
-#include "recon/train/train.hpp"
 #include "world.hpp"
 
-using namespace echofuse;
-using namespace echofuse::recon;
-using namespace echofuse::test;
 using Catch::Contains;
 
 namespace {

@@ -1,15 +1,9 @@
 // SPDX-License-Identifier: MIT
 // Tests the simulated motion of people in front of the radar antennas.
-#include <algorithm>
-#include <cmath>
 
-#include "../catch.hpp"
 #include "antenna_scenes.hpp"
 #include "drivers/core/axis.hpp"
-#include "sim/sensors/antennas.hpp"
-#include "sim/sensors/radar_echo.hpp"
 
-using namespace echofuse;
 using namespace echofuse::sim;
 
 TEST_CASE("simulated body sway has a constant variance and the specified correlation in time") {

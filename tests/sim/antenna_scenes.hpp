@@ -1,11 +1,8 @@
 // SPDX-License-Identifier: MIT
 // Scenes and helpers for tests of the simulated radar antennas.
 #pragma once
-#include <algorithm>
 #include <complex>
-#include <numbers>
 #include <utility>
-#include <vector>
 
 #include "../catch.hpp"
 #include "scenes.hpp"

@@ -1,18 +1,11 @@
 // SPDX-License-Identifier: MIT
-#include "sim/sensors/antennas.hpp"
 
-#include <algorithm>
-#include <cmath>
-
-#include "../catch.hpp"
 #include "antenna_scenes.hpp"
 #include "drivers/core/axis.hpp"
 #include "sim/dataset/generator.hpp"
 #include "sim/sensors/gaussian.hpp"
 #include "sim/sensors/optics.hpp"
-#include "sim/sensors/radar_echo.hpp"
 
-using namespace echofuse;
 using namespace echofuse::sim;
 
 namespace {

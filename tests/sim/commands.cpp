@@ -2,11 +2,6 @@
 // Tests the command line of echofuse-sim: exit codes, error texts and output.
 #include <sys/stat.h>
 
-#include <filesystem>
-#include <fstream>
-#include <string>
-
-#include "../catch.hpp"
 #include "../fixtures/folder.hpp"
 #include "../fixtures/shell.hpp"
 #include "acquire/record/run_reader.hpp"

@@ -1,13 +1,10 @@
 // SPDX-License-Identifier: MIT
 #include "sim/sensors/depth_camera.hpp"
 
-#include <cmath>
-
 #include "../catch.hpp"
 #include "acquire/measurement/depth_map.hpp"
 #include "scenes.hpp"
 
-using namespace echofuse;
 using namespace echofuse::sim;
 
 TEST_CASE("depth camera noise is Gaussian, and its width grows with the square of the distance") {

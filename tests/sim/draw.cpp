@@ -1,13 +1,11 @@
 // SPDX-License-Identifier: MIT
 #include "sim/scene/draw.hpp"
 
-#include <cmath>
 #include <functional>
 #include <map>
 
 #include "../catch.hpp"
 
-using namespace echofuse;
 using namespace echofuse::sim;
 
 namespace {

@@ -3,20 +3,13 @@
 
 #include <sqlite3.h>
 
-#include <algorithm>
 #include <atomic>
-#include <cstdlib>
-#include <filesystem>
-#include <thread>
-#include <utility>
 
-#include "../catch.hpp"
 #include "../fixtures/error.hpp"
 #include "../fixtures/folder.hpp"
 #include "../fixtures/run.hpp"
 #include "sim/sensors/radar_echo.hpp"
 
-using namespace echofuse;
 using namespace echofuse::sim;
 using namespace echofuse::test;
 

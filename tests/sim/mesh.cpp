@@ -1,17 +1,12 @@
 // SPDX-License-Identifier: MIT
 #include "sim/scene/mesh.hpp"
 
-#include <fstream>
-#include <sstream>
-
-#include "../catch.hpp"
 #include "../fixtures/error.hpp"
 #include "../fixtures/folder.hpp"
 #include "acquire/measurement/depth_map.hpp"
 #include "scenes.hpp"
 #include "sim/sensors/optics.hpp"
 
-using namespace echofuse;
 using namespace echofuse::sim;
 
 namespace {

@@ -1,7 +1,4 @@
 // SPDX-License-Identifier: MIT
-#include <algorithm>
-#include <cmath>
-#include <numbers>
 
 #include "../catch.hpp"
 #include "scenes.hpp"
@@ -15,7 +12,6 @@
 
 namespace {
 
-using namespace echofuse;
 using namespace echofuse::sim;
 constexpr double pi = std::numbers::pi;
 

@@ -1,13 +1,9 @@
 // SPDX-License-Identifier: MIT
 #include "sim/sensors/optics.hpp"
 
-#include <cmath>
-#include <numbers>
-
 #include "../catch.hpp"
 #include "scenes.hpp"
 
-using namespace echofuse;
 using namespace echofuse::sim;
 
 namespace {

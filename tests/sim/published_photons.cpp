@@ -4,22 +4,16 @@
 // these data.
 #include <zlib.h>
 
-#include <algorithm>
 #include <array>
-#include <cmath>
 #include <cstring>
-#include <iostream>
 #include <nlohmann/json.hpp>
-#include <numeric>
 
-#include "../catch.hpp"
 #include "../fixtures/data.hpp"
 #include "../fixtures/folder.hpp"
 #include "sim/scene/mesh.hpp"
 #include "sim/sensors/optics.hpp"
 #include "sim/sensors/render.hpp"
 
-using namespace echofuse;
 using namespace echofuse::sim;
 using test::data_folder;
 

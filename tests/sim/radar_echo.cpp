@@ -1,14 +1,10 @@
 // SPDX-License-Identifier: MIT
 #include "sim/sensors/radar_echo.hpp"
 
-#include <cmath>
-#include <numbers>
-
 #include "../catch.hpp"
 #include "drivers/core/axis.hpp"
 #include "scenes.hpp"
 
-using namespace echofuse;
 using namespace echofuse::sim;
 
 namespace {

@@ -1,14 +1,9 @@
 // SPDX-License-Identifier: MIT
-#include "sim/sensors/render.hpp"
-
-#include <cmath>
-#include <numbers>
 
 #include "../catch.hpp"
 #include "acquire/measurement/depth_map.hpp"
 #include "scenes.hpp"
 
-using namespace echofuse;
 using namespace echofuse::sim;
 
 namespace {

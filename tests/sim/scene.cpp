@@ -1,15 +1,11 @@
 // SPDX-License-Identifier: MIT
-#include "sim/scene/scene.hpp"
 
-#include <cmath>
 #include <set>
 
 #include "../catch.hpp"
 #include "scenes.hpp"
 #include "sim/scene/room.hpp"
-#include "sim/sensors/render.hpp"
 
-using namespace echofuse;
 using namespace echofuse::sim;
 
 TEST_CASE("a simulated scene depends only on its seed and index") {

@@ -1,16 +1,12 @@
 // SPDX-License-Identifier: MIT
 #include "sim/scene/scene_list.hpp"
 
-#include <fstream>
-
-#include "../catch.hpp"
 #include "../fixtures/error.hpp"
 #include "../fixtures/folder.hpp"
 #include "../fixtures/record.hpp"
 #include "acquire/record/run_reader.hpp"
 #include "sim/dataset/generator.hpp"
 
-using namespace echofuse;
 using namespace echofuse::sim;
 using namespace echofuse::test;
 

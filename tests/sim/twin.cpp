@@ -1,21 +1,15 @@
 // SPDX-License-Identifier: MIT
 #include "sim/twin/twin.hpp"
 
-#include <algorithm>
-#include <cmath>
 #include <nlohmann/json.hpp>
-#include <numeric>
 
-#include "../catch.hpp"
 #include "../fixtures/error.hpp"
 #include "../fixtures/record.hpp"
 #include "scenes.hpp"
 #include "sim/dataset/generator.hpp"
 #include "sim/sensors/depth_camera.hpp"
 #include "sim/sensors/radar_echo.hpp"
-#include "sim/sensors/render.hpp"
 
-using namespace echofuse;
 using namespace echofuse::sim;
 using namespace echofuse::test;
 

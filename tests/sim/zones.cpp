@@ -1,7 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include <cmath>
 
-#include "../catch.hpp"
 #include "../fixtures/folder.hpp"
 #include "../fixtures/record.hpp"
 #include "acquire/record/run_reader.hpp"
@@ -10,7 +8,6 @@
 #include "sim/sensors/optics.hpp"
 #include "sim/sensors/zone_fields.hpp"
 
-using namespace echofuse;
 using namespace echofuse::sim;
 using namespace echofuse::test;
 using Catch::Contains;

@@ -2,14 +2,11 @@
 // Compares the table of radar commands with the simulated firmware, which has its own limits.
 #include "drivers/radar/demo_commands.hpp"
 
-#include "../catch.hpp"
 #include "../fixtures/error.hpp"
 #include "../fixtures/folder.hpp"
 #include "../fixtures/paths.hpp"
 #include "drivers/radar/profile.hpp"
 #include "sim/devices/radar_firmware.hpp"
-
-using namespace echofuse;
 
 TEST_CASE("the table of radar commands and the simulated firmware refuse the same cfgs") {
   const std::string right =

@@ -4,11 +4,9 @@
 
 #include <cstdio>
 
-#include "../catch.hpp"
 #include "drivers/core/bytes.hpp"
 #include "lab_thread.hpp"
 
-using namespace echofuse;
 using namespace echofuse::test;
 
 namespace {

@@ -3,15 +3,11 @@
 // CRC was computed by an independent program.
 #include "sim/wire/encode.hpp"
 
-#include <algorithm>
-#include <cmath>
 #include <complex>
 #include <initializer_list>
-#include <vector>
 
 #include "../catch.hpp"
 
-using namespace echofuse;
 using namespace echofuse::sim;
 
 namespace {

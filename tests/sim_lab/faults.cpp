@@ -1,12 +1,10 @@
 // SPDX-License-Identifier: MIT
 #include "sim/devices/faults.hpp"
 
-#include "../catch.hpp"
 #include "../fixtures/error.hpp"
 #include "../fixtures/shell.hpp"
 #include "lab_thread.hpp"
 
-using namespace echofuse;
 using namespace echofuse::sim;
 using test::has;
 

@@ -1,15 +1,12 @@
 // SPDX-License-Identifier: MIT
 // Tests the folder of the simulated laboratory, and the sequence of its scenes.
-#include "sim/lab/lab.hpp"
 
 #include <optional>
 #include <set>
 
-#include "../catch.hpp"
 #include "../fixtures/error.hpp"
 #include "lab_thread.hpp"
 
-using namespace echofuse;
 using namespace echofuse::test;
 namespace fs = std::filesystem;
 

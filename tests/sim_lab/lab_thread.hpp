@@ -2,8 +2,6 @@
 // Runs a simulated laboratory on a separate thread, in a temporary folder.
 #pragma once
 #include <atomic>
-#include <string>
-#include <thread>
 
 #include "../fixtures/folder.hpp"
 #include "../fixtures/paths.hpp"

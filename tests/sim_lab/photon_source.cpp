@@ -2,17 +2,12 @@
 // Compares the simulated photon stream with the expected histogram by a chi-squared test.
 #include "sim/devices/photon_source.hpp"
 
-#include <cmath>
-#include <functional>
-
-#include "../catch.hpp"
 #include "../fixtures/error.hpp"
 #include "drivers/core/sample.hpp"
 #include "drivers/tdc/histogram.hpp"
 #include "sim/scene/scene.hpp"
 #include "sim/sensors/optics.hpp"
 
-using namespace echofuse;
 using namespace echofuse::sim;
 
 namespace {

@@ -1,7 +1,5 @@
 // SPDX-License-Identifier: MIT
 // Tests that the radar of the simulated laboratory has the same noise as a simulated data set.
-#include <algorithm>
-#include <cmath>
 
 #include "../catch.hpp"
 #include "../fixtures/record.hpp"
@@ -9,7 +7,6 @@
 #include "sim/dataset/generator.hpp"
 #include "sim/devices/radar_chirp.hpp"
 
-using namespace echofuse;
 using namespace echofuse::sim;
 using namespace echofuse::test;
 

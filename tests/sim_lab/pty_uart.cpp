@@ -5,11 +5,9 @@
 #include <termios.h>
 #include <unistd.h>
 
-#include "../catch.hpp"
 #include "drivers/port/loop.hpp"
 #include "lab_thread.hpp"
 
-using namespace echofuse;
 using namespace echofuse::test;
 
 namespace {

@@ -1,16 +1,11 @@
 // SPDX-License-Identifier: MIT
 #include "sim/devices/radar_antennas.hpp"
 
-#include <cmath>
 #include <complex>
-#include <numbers>
-#include <sstream>
-#include <vector>
 
 #include "../catch.hpp"
 #include "sim/sensors/radar_echo.hpp"
 
-using namespace echofuse;
 using namespace echofuse::sim;
 
 namespace {

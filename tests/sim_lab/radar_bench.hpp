@@ -2,20 +2,13 @@
 // Connects the radar driver to simulated firmware by two wires in memory. Bytes arrive exactly as
 // the test sends them, and are never lost by the wires.
 #pragma once
-#include <algorithm>
-#include <chrono>
-#include <memory>
 #include <optional>
-#include <string>
-#include <vector>
 
-#include "../catch.hpp"
 #include "../drivers/sink.hpp"
 #include "../fixtures/folder.hpp"
 #include "../fixtures/paths.hpp"
 #include "../fixtures/wire.hpp"
 #include "drivers/core/clock.hpp"
-#include "drivers/port/loop.hpp"
 #include "drivers/port/virtual_loop.hpp"
 #include "drivers/radar/radar_driver.hpp"
 #include "sim/devices/radar_firmware.hpp"

@@ -1,14 +1,11 @@
 // SPDX-License-Identifier: MIT
 // Tests how the radar driver responds to faults of the board and its connection.
-#include <algorithm>
 #include <set>
 
-#include "../catch.hpp"
 #include "drivers/radar/log2_codes.hpp"
 #include "lab_thread.hpp"
 #include "radar_bench.hpp"
 
-using namespace echofuse;
 using namespace echofuse::test;
 using namespace std::chrono_literals;
 

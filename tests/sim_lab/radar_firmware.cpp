@@ -2,16 +2,11 @@
 // Tests the command dialogue of the simulated firmware with transcripts of host and firmware.
 #include "sim/devices/radar_firmware.hpp"
 
-#include <filesystem>
-#include <sstream>
-
-#include "../catch.hpp"
 #include "../fixtures/folder.hpp"
 #include "../fixtures/paths.hpp"
 #include "drivers/radar/command_dialogue.hpp"
 #include "drivers/radar/log2_codes.hpp"
 
-using namespace echofuse;
 using namespace echofuse::sim;
 
 namespace {

@@ -2,13 +2,11 @@
 // Tests the radar driver on the pseudo-terminals of a simulated laboratory, at real baud rates.
 #include <optional>
 
-#include "../catch.hpp"
 #include "../drivers/sink.hpp"
 #include "drivers/port/open_port.hpp"
 #include "drivers/radar/radar_driver.hpp"
 #include "lab_thread.hpp"
 
-using namespace echofuse;
 using namespace echofuse::test;
 using namespace std::chrono_literals;
 

@@ -5,19 +5,14 @@
 #include <termios.h>
 #include <unistd.h>
 
-#include <algorithm>
-#include <cmath>
 #include <cstring>
-#include <sstream>
 
-#include "../catch.hpp"
 #include "drivers/core/bytes.hpp"
 #include "drivers/port/virtual_loop.hpp"
 #include "lab_thread.hpp"
 #include "sim/devices/radar_chirp.hpp"
 #include "sim/devices/uart.hpp"
 
-using namespace echofuse;
 using namespace echofuse::test;
 using namespace std::chrono_literals;
 

@@ -5,17 +5,12 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-#include <algorithm>
-#include <cmath>
-#include <numeric>
 #include <optional>
 
-#include "../catch.hpp"
 #include "drivers/core/bytes.hpp"
 #include "drivers/core/sample.hpp"
 #include "lab_thread.hpp"
 
-using namespace echofuse;
 using namespace echofuse::test;
 
 namespace {

@@ -7,7 +7,6 @@
 #include "drivers/make_driver.hpp"
 #include "tests/emulation/tdc_usb.hpp"
 
-using namespace echofuse;
 using namespace echofuse::test;
 using namespace std::chrono_literals;
 

@@ -1,15 +1,12 @@
 // SPDX-License-Identifier: MIT
 #include "recon/live/peak_fit.hpp"
 
-#include <cmath>
 #include <nlohmann/json.hpp>
-#include <random>
 
 #include "../catch.hpp"
 #include "../fixtures/record.hpp"
 #include "recon/live/tally.hpp"
 
-using namespace echofuse;
 using namespace echofuse::view;
 using namespace echofuse::test;
 

@@ -8,7 +8,6 @@
 
 #include "../catch.hpp"
 
-using namespace echofuse;
 using namespace echofuse::view;
 
 namespace {

@@ -1,18 +1,13 @@
 // SPDX-License-Identifier: MIT
-#include <filesystem>
-#include <fstream>
 #include <nlohmann/json.hpp>
 
-#include "../catch.hpp"
 #include "../fixtures/folder.hpp"
 #include "../fixtures/run.hpp"
-#include "acquire/record/fused_record.hpp"
 #include "recon/live/access.hpp"
 #include "recon/live/followed_run.hpp"
 #include "recon/live/message.hpp"
 #include "recon/live/run_messages.hpp"
 
-using namespace echofuse;
 using namespace echofuse::view;
 
 TEST_CASE("on the loopback interface the server refuses Host names of DNS rebinding") {

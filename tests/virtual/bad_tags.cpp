@@ -1,11 +1,8 @@
 // SPDX-License-Identifier: MIT
 // Tests that faults in the tag stream become events and verdicts of the run, in virtual time.
-#include <functional>
-#include <random>
 
 #include "bridged_device.hpp"
 
-using namespace echofuse;
 using namespace std::chrono_literals;
 using test::has;
 using test::Strings;

@@ -5,15 +5,8 @@
 #include <spdlog/spdlog.h>
 #include <unistd.h>
 
-#include <algorithm>
 #include <cstdio>
-#include <functional>
-#include <numeric>
-#include <optional>
-#include <string>
-#include <vector>
 
-#include "../catch.hpp"
 #include "../fixtures/folder.hpp"
 #include "../fixtures/laboratory.hpp"
 #include "../fixtures/run.hpp"

@@ -2,11 +2,7 @@
 // Device behind a bridge, in virtual time.
 #pragma once
 #include <chrono>
-#include <cstdint>
 #include <deque>
-#include <functional>
-#include <string>
-#include <utility>
 
 #include "bench.hpp"
 #include "sim/wire/encode.hpp"

@@ -4,8 +4,6 @@
 #include <sys/wait.h>
 
 #include <csignal>
-#include <filesystem>
-#include <fstream>
 #include <map>
 #include <set>
 
@@ -14,15 +12,13 @@
 #include "bench.hpp"
 #include "drivers/util/console.hpp"
 
-using namespace echofuse;
 using namespace echofuse::test;
+using sim::FaultKind;
 using test::Bench;
 using test::fault;
 using test::has;
 using test::Strings;
 using namespace std::chrono_literals;
-
-using sim::FaultKind;
 
 TEST_CASE(
     "a run without device faults has a complete record for each slot and no lost or late data") {

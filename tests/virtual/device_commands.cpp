@@ -1,10 +1,6 @@
 // SPDX-License-Identifier: MIT
 // Tests commands that use devices, in virtual time: stopping a run, the firmware check, late data,
 // calibrate and doctor.
-#include <cmath>
-#include <filesystem>
-#include <random>
-#include <utility>
 
 #include "../drivers/sink.hpp"
 #include "../fixtures/keeper.hpp"
@@ -13,7 +9,6 @@
 #include "acquire/doctor/doctor.hpp"
 #include "bridged_device.hpp"
 
-using namespace echofuse;
 using test::Bench;
 using test::BridgedDevice;
 using test::has;

@@ -1,17 +1,13 @@
 // SPDX-License-Identifier: MIT
 // Tests that run --every writes consecutive run files without losing a slot.
-#include <iterator>
 #include <map>
 #include <set>
-#include <sstream>
 
 #include "../acquire/testing.hpp"
 #include "../fixtures/keeper.hpp"
 #include "bench.hpp"
 #include "recon/live/followed_run.hpp"
 
-using namespace echofuse;
-using namespace echofuse::test;
 using sim::FaultKind;
 using test::Bench;
 using namespace std::chrono_literals;

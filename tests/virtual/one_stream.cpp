@@ -1,20 +1,13 @@
 // SPDX-License-Identifier: MIT
 // Sends one stream of bytes to run, import, doctor and calibrate, which must find the same faults
 // and counts.
-#include <algorithm>
-#include <cmath>
 #include <nlohmann/json.hpp>
-#include <random>
-#include <set>
 
-#include "../fixtures/record.hpp"
 #include "acquire/calibrate/calibrate.hpp"
 #include "acquire/doctor/doctor.hpp"
 #include "acquire/import/import.hpp"
 #include "bridged_device.hpp"
-#include "drivers/core/random.hpp"
 
-using namespace echofuse;
 using test::Bench;
 using test::printed_by;
 using namespace std::chrono_literals;
