@@ -150,7 +150,7 @@ RecordValues OutOfDistributionDetector::measure(std::span<const float> descripti
   out.two_bodies = no_body_log_odds;
   if (first_[profile] > 0) out.range_m = double{description[first_[range]]};
   out.empty = out.range_m == 0;
-  if (out.empty)
+  if (out.empty > 0)
     out.range_m = NAN;
   else if (two_bodies_.known())
     out.two_bodies = two_bodies_(description.first(first_[profile]));
