@@ -53,15 +53,21 @@ bool has_crc(ByteView bytes, const BlockHeader& header) {
   return crc32c(payload, crc32c(bytes.first(header_bytes - 4))) == header.crc;
 }
 
-// Returns true if the bytes contain a valid block after the first byte.
-bool contains_block(ByteView bytes) {
-  for (std::size_t at = 0; (at = next_magic(bytes, at + 1)) + header_bytes <= bytes.size();) {
+// Returns true if a valid block begins after byte `from`. Otherwise, sets `from` to the byte before
+// the first place at which a block may begin once there are more bytes.
+bool contains_block(ByteView bytes, std::size_t& from) {
+  std::size_t next = bytes.size() - magic.size();
+  for (std::size_t at = from; (at = next_magic(bytes, at + 1)) < bytes.size();) {
     const ByteView rest = bytes.subspan(at);
-    const BlockHeader header = read_header(rest);
-    if (header.plausible() && header_bytes + header.payload_bytes <= rest.size() &&
-        has_crc(rest, header))
+    const bool whole_header = rest.size() >= header_bytes;
+    const BlockHeader header = whole_header ? read_header(rest) : BlockHeader{};
+    if (whole_header && !header.plausible()) continue;
+    if (!whole_header || header_bytes + header.payload_bytes > rest.size())
+      next = std::min(next, at - 1);
+    else if (has_crc(rest, header))
       return true;
   }
+  from = next;
   return false;
 }
 
@@ -93,6 +99,7 @@ void BlockParser::reset(bool recorded) {
   buffer_.clear();
   broken_ = nullptr;
   expected_ = 0;
+  searched_ = 0;
   recorded_ = recorded;
 }
 
@@ -114,14 +121,15 @@ Step BlockParser::next(ByteView bytes, const OnBlock& on_block) {
   }
   const std::size_t size = header_bytes + header.payload_bytes;
   // A valid block inside this one shows that its size is damaged.
-  const bool overtaken = recorded_ && bytes.size() < size && contains_block(bytes);
-  if (bytes.size() < size && !overtaken) return {0, recorded_ ? bytes.size() + 1 : size};
+  const bool overtaken = recorded_ && bytes.size() < size && contains_block(bytes, searched_);
+  if (bytes.size() < size && !overtaken) return {0, recorded_ ? 0 : size};
   if (overtaken || !has_crc(bytes, header)) {
     ++counts_.bad_crcs;
     return refuse("the block has a wrong checksum", bytes, size);
   }
   counts_.bytes += size;
   ++counts_.blocks;
+  searched_ = 0;
   on_block({.kind = static_cast<BlockKind>(header.kind),
             .sequence = header.sequence,
             .dropped_items = header.dropped_items,
@@ -138,6 +146,7 @@ Step BlockParser::refuse(const char* why, ByteView bytes, std::size_t wrong) {
         next < bytes.size() ? next
                             : std::max<std::size_t>(1, bytes.size() - std::min(kept, bytes.size()));
     discard(skipped);
+    searched_ = 0;
     return {skipped, 0};
   }
   discard(wrong);

@@ -109,6 +109,7 @@ class BlockParser {
   bool recorded_ = false;
   BlockCounts counts_;
   std::uint32_t expected_ = 0;
+  std::size_t searched_ = 0;  // bytes of an incomplete block that contain no other block
 };
 
 struct Hello {
