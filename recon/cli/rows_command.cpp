@@ -126,7 +126,6 @@ Command add_rows(CLI::App& app, const Common& common) {
     TrainSettings settings(*a);
     take(a->assignments, settings);
     a->split.seed = a->fit.seed;
-    a->model = usual_model(both_sensors(inputs_of(a->inputs)));
     if (!a->model_file.empty())
       for (const char* option : {"--inputs", "--seed", "--split", "--set"})
         if (app.get_option(option)->count() > 0)
@@ -135,6 +134,7 @@ Command add_rows(CLI::App& app, const Common& common) {
                           " cannot be combined with --model, because the model defines the split");
     Dataset data = load_recorded(a->runs);
     apply_doubts(data, *a);
+    a->model = usual_model(shows_sides(data, inputs_of(a->inputs)));
     std::vector<ListedRow> rows =
         a->model_file.empty() ? rows_of_training(data, *a) : rows_of_model(a->model_file, data);
     for (const DamagedRecord& damaged : data.damaged)
