@@ -390,8 +390,9 @@ std::vector<ConfigPlace> config_places() {
 std::optional<ConfigPlace> find_config() {
   std::error_code none;
   const std::vector<ConfigPlace> places = config_places();
+  const bool named = places.size() == 1;  // in the environment; the file may be missing
   for (const ConfigPlace& place : places)
-    if (places.size() == 1 || std::filesystem::exists(place.path, none)) return place;
+    if (named || std::filesystem::exists(place.path, none)) return place;
   return std::nullopt;
 }
 

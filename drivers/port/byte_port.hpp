@@ -37,7 +37,8 @@ class BytePort {
   // Queues the bytes and sends them in order. Discards bytes written before `opened` or after
   // `gone` is called.
   virtual void write(ByteView bytes) = 0;
-  // Returns true if the bytes are from a file, which contains intact blocks after a damaged one.
+  // Returns true if the bytes are from a file, and a damaged block did not end their connection
+  // when they were recorded. Intact blocks may then follow a damaged one.
   virtual bool recorded() const { return false; }
 };
 
