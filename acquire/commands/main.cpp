@@ -159,7 +159,7 @@ void take_meta(Options& o, const Config& config) {
   if (const std::string fault =
           record::fault_of_width(meta, static_cast<double>(config.histogram.bin_width_ps));
       !fault.empty())
-    throw Error(ExitCode::config, fault);
+    throw Error(ExitCode::usage, "--meta: " + fault);
   if (!record::is_response(meta))
     throw Error(ExitCode::usage,
                 "--meta: expected a response as `calibrate` prints it: irf_fwhm_ps above 0; "

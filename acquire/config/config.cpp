@@ -241,6 +241,12 @@ void refuse_other_baseline(const Config& c) {
   throw Error(ExitCode::config, text.str());
 }
 
+void refuse_response_in_other_unit(const Config& c) {
+  const auto fault = record::fault_of_width(c.calibration.response.meta(),
+                                            static_cast<double>(c.histogram.bin_width_ps));
+  if (!fault.empty()) throw Error(ExitCode::config, c.calibration_path + ": " + fault);
+}
+
 void check_config(ConfigChecker checker, Config& c, const Keys& k,
                   const std::filesystem::path& folder, bool with_calibration) {
   if (c.configured().empty())
@@ -283,6 +289,7 @@ void check_config(ConfigChecker checker, Config& c, const Keys& k,
     checker.attempt({"run.calibration"}, [&] {
       c.calibration = read_calibration(c.calibration_path);
       refuse_other_baseline(c);
+      refuse_response_in_other_unit(c);
       calibrate_antennas(c);
     });
   if (!c.depth.address.empty())

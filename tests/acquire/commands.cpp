@@ -148,8 +148,12 @@ TEST_CASE("the run command refuses a read-only folder") {
   const Folder folder;
   write_file(folder / "lab.toml", tdc_nowhere);
   const std::string config = " --config " + folder / "lab.toml";
-  refuses("run --out " + folder / "a" + config + " --meta irf_fwhm_ps=0.35", 3,
-          "irf_fwhm_ps is 0.35 ps, but the bins have 100 ps: is the width in ns?");
+  refuses("run --out " + folder / "a" + config + " --meta irf_fwhm_ps=0.35", 2,
+          "--meta: irf_fwhm_ps is 0.35 ps, but the bins have 100 ps: is the width in ns?");
+  write_file(folder / "calibration.toml",
+             "[spd]\noffset_m = 0.1\n[response]\nirf_fwhm_ps = \"0.35\"\n");
+  refuses("config check" + config + " --set run.calibration=calibration.toml", 3,
+          "/calibration.toml: irf_fwhm_ps is 0.35 ps, but the bins have 100 ps");
   fs::create_directory(folder / "closed");
   fs::permissions(folder / "closed", fs::perms::owner_read | fs::perms::owner_exec);
   // If the test runs as root, the command drops its privileges, because root may write to a
