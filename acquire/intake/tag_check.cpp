@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "drivers/core/median.hpp"
+#include "drivers/tdc/tag_groups.hpp"
 #include "drivers/util/format.hpp"
 
 namespace echofuse::acquire {
@@ -112,18 +113,12 @@ void TagCheck::pass(const TagBlock& block, const Output& out, bool plain) {
   out(block);
 }
 
-// Returns true if the block contains only time tags and the tags are in order. The loop has no
-// branches, so that it is fast enough to test every tag of a run.
+// Returns true if the block contains only time tags and the tags are in order. This test is fast
+// enough to be made on every tag of a run.
 bool TagCheck::is_plain(const TagBlock& block) const {
   if (block.tags.empty()) return true;
-  auto last = last_ps_.value_or(static_cast<std::uint64_t>(block.tags.front().time_ps));
-  bool odd = false;
-  for (const Tag& tag : block.tags) {
-    const auto time = static_cast<std::uint64_t>(tag.time_ps);
-    odd |= !tag.is_time_tag() | (static_cast<std::int64_t>(time - last) < 0);
-    last = time;
-  }
-  return !odd;
+  const auto first_ps = static_cast<std::uint64_t>(block.tags.front().time_ps);
+  return tdc::only_ordered_times(block.tags, last_ps_.value_or(first_ps));
 }
 
 // Returns the number of events that need not wait, because later blocks cannot contain earlier

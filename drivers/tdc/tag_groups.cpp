@@ -11,10 +11,16 @@
 namespace echofuse::tdc {
 
 HWY_EXPORT(take_groups);
+HWY_EXPORT(has_only_ordered_times);
 
 std::size_t count_groups(const Tag* tags, std::size_t count, const ClickBins& bins, TagRun& run,
                          std::uint32_t* cells) {
   return HWY_DYNAMIC_DISPATCH(take_groups)(tags, count, bins, run, cells);
+}
+
+bool only_ordered_times(std::span<const Tag> tags, std::uint64_t before_ps) {
+  return tags.empty() ||
+         HWY_DYNAMIC_DISPATCH(has_only_ordered_times)(tags.data(), tags.size(), before_ps);
 }
 
 }  // namespace echofuse::tdc

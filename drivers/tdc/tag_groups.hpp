@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
+#include <span>
 
 #include "drivers/core/sample.hpp"
 
@@ -41,5 +42,8 @@ struct TagRun {
 // per bin and one for out-of-range clicks.
 std::size_t count_groups(const Tag* tags, std::size_t count, const ClickBins& bins, TagRun& run,
                          std::uint32_t* cells);
+
+// Returns true if all are time tags, and none is earlier than its predecessor or than `before_ps`.
+bool only_ordered_times(std::span<const Tag> tags, std::uint64_t before_ps);
 
 }  // namespace echofuse::tdc

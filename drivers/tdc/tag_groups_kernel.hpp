@@ -150,13 +150,49 @@ std::size_t take_groups(const Tag* tags, std::size_t count, const ClickBins& bin
   return taken;
 }
 
+// Compares whole vectors of tags, from the second tag on, with their predecessors. Sets `odd` if
+// one is earlier or not a time tag. Returns the number of tags that need no further check.
+HWY_INLINE std::size_t check_groups(const Tag* tags, std::size_t count, bool& odd) {
+  const hn::ScalableTag<std::uint64_t> d;
+  constexpr std::size_t tags_a_vector = hn::MaxLanes(d) / 2;
+  auto steps = hn::Zero(d), heads = hn::Zero(d);
+  std::size_t at = 1;
+  for (; at + tags_a_vector <= count; at += tags_a_vector) {
+    const auto* const words = reinterpret_cast<const std::uint64_t*>(tags + at);
+    const auto here = hn::LoadU(d, words), before = hn::LoadU(d, words - 2);
+    heads = hn::Or(heads, here);
+    steps = hn::Or(steps, hn::Sub(here, before));
+  }
+  // The even lanes contain the type and the reserved byte, the odd lanes the times.
+  odd |= !hn::AllTrue(
+      d, hn::Eq(hn::OddEven(hn::ShiftRight<63>(steps), hn::And(heads, hn::Set(d, 0xffff))),
+                hn::Zero(d)));
+  return at;
+}
+
 #else
+
+HWY_INLINE std::size_t check_groups(const Tag*, std::size_t, bool&) { return 1; }
 
 std::size_t take_groups(const Tag*, std::size_t, const ClickBins&, TagRun&, std::uint32_t*) {
   return 0;
 }
 
 #endif
+
+bool has_only_ordered_times(const Tag* tags, std::size_t count, std::uint64_t before_ps) {
+  bool odd = false;
+  const auto check = [&](const Tag& tag) {
+    const auto time = static_cast<std::uint64_t>(tag.time_ps);
+    odd |= static_cast<std::int64_t>(time - before_ps) < 0 || !tag.is_time_tag();
+  };
+  check(tags[0]);
+  for (std::size_t i = check_groups(tags, count, odd); i < count; ++i) {
+    before_ps = static_cast<std::uint64_t>(tags[i - 1].time_ps);
+    check(tags[i]);
+  }
+  return !odd;
+}
 
 }  // namespace echofuse::tdc::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
