@@ -184,6 +184,12 @@ TEST_CASE("an open run with the -journal file of another run is refused") {
             path + "-journal belongs to another run (a run with a -wal must not have a -journal)"));
   fs::rename(path + "-wal", folder / "wal");
   CHECK(has(refusal(), path + "-journal belongs to another run (it has more than one page)"));
+  constexpr std::size_t sector = 512;
+  std::string journal = contents(path + "-journal").substr(0, sector + 4);
+  journal[sector + 3] = 2;
+  write_file(path + "-journal", journal);
+  CHECK(has(refusal(),
+            path + "-journal belongs to another run (it contains a page other than 1: 2)"));
   CHECK(contents(path) == before);
   fs::remove(path + "-journal");
   fs::rename(folder / "wal", path + "-wal");
