@@ -15,16 +15,14 @@ from echofuse.bench import derive, letters, stability
 from echofuse.bench.methods import call
 from echofuse.bench.table import content_hash
 from echofuse.models.model import read_safetensors
-from fixtures import BIN, change, changed, program
+from fixtures import BIN, change, changed, executable, made, program, scenes
 
 os.environ["ECHOFUSE_BIN"] = str(BIN)
 
 
-@pytest.fixture(scope="module")
-def run(tmp_path_factory):
-    made = tmp_path_factory.mktemp("bench") / "run.sqlite"
-    program("echofuse-sim", "dataset", "-q", "--out", made, "--records", 61)
-    return echofuse.open(made)
+@pytest.fixture
+def run():
+    return echofuse.open(scenes(61))
 
 
 @pytest.mark.parametrize(("kind", "seed", "gap"), [("random", 1, 0), ("random", 7, 0), ("blocked", 1, 3)])
@@ -44,35 +42,29 @@ def test_split_and_user_methods_exclude_doubtful_records(run, tmp_path):
     changed(run.path, path, "frozen camera in every third record")
     change(path, "radar is not valid in record ?1", 4)
     sound = [i for i in range(61) if i % 3 and i != 4]
-    with echofuse.open(path) as frozen:
-        split = echofuse.split(frozen)
-        assert sorted(np.concatenate([split.train, split.validation, split.test]).tolist()) == sound
+    split = echofuse.split(echofuse.open(path))
+    assert sorted(np.concatenate([split.train, split.validation, split.test]).tolist()) == sound
     seen = []
     bench.python_method("mine", lambda: types.SimpleNamespace(fit=lambda run, rows: seen.extend(rows.tolist()))).fit(
         path, tmp_path, 1, True)
     assert seen == sound
 
 
-def test_true_maps_in_python_equal_those_of_echofuse_recon(run, tmp_path):
+@pytest.mark.parametrize(("size", "half"), [(64, None), (24, 0.5), (17, 0.6)])
+def test_true_maps_in_python_equal_those_of_echofuse_recon(tmp_path, size, half):
     """The nearest neighbour of a training record is the record itself, so the predicted map equals the ground-truth
     map. The test uses the standard map grid and two coarser grids."""
-    for name, pixels in (("same", []), ("coarse", [(24, 0.5), (17, 0.6)])):
-        for size, half in pixels or [(64, 0.55)]:
-            path = tmp_path / f"{name}{size}.sqlite"
-            program("echofuse-sim", "dataset", "-q", "--out", path, "--records", 20, "--set", "map_size=64", "--set", "depth_noise_m=0.03")
-            if name == "coarse":
-                for axis, sign in ("map_x", 1), ("map_y", -1):
-                    change(path, "axis ?1 has ?2 points", axis, size)
-                    change(path, "axis ?1 starts at ?2", axis, sign * (half / size - half))
-                    change(path, "axis ?1 has the step ?2", axis, sign * 2 * half / size)
-            model, maps = tmp_path / f"{name}{size}.model", tmp_path / f"{name}{size}.maps"
-            program("echofuse-recon", "-q", "train", path, "--model", "nearest", "--set", "test_share=0", "--set", "validation_share=0",
-                    "--out", model)
-            program("echofuse-recon", "-q", "reconstruct", model, path, "--out", maps, "--format", "npy")
-            with echofuse.open(path) as one:
-                found, index = echofuse.load_maps(maps)
-                assert index.tolist() == one.index.tolist()
-                assert np.array_equal(found, one.maps(), equal_nan=True)
+    path, model, maps = tmp_path / "run.sqlite", tmp_path / "model", tmp_path / "maps"
+    shutil.copy(scenes(20, 1, "--set", "map_size=64", "--set", "depth_noise_m=0.03"), path)
+    for axis, sign in (("map_x", 1), ("map_y", -1)) if half else ():
+        change(path, "axis ?1 has ?2 points", axis, size)
+        change(path, "axis ?1 starts at ?2", axis, sign * (half / size - half))
+        change(path, "axis ?1 has the step ?2", axis, sign * 2 * half / size)
+    program("echofuse-recon", "train", "-q", path, "--model", "nearest", "--set", "test_share=0", "--set", "validation_share=0", "--out", model)
+    program("echofuse-recon", "reconstruct", "-q", model, path, "--out", maps, "--format", "npy")
+    one, (found, index) = echofuse.open(path), echofuse.load_maps(maps)
+    assert index.tolist() == one.index.tolist() and found.shape[1] == size
+    assert np.array_equal(found, one.maps(), equal_nan=True)
 
 
 def test_derived_run_contains_the_requested_changes(run, tmp_path):
@@ -90,8 +82,7 @@ def test_derived_run_contains_the_requested_changes(run, tmp_path):
 
 @pytest.mark.parametrize(("ends", "code", "kind"), [("exit 1", 1, bench.ProgramError), ("exit 6", 6, bench.UsageError), ("kill -9 $$", 1, bench.UsageError)])
 def test_bench_error_has_the_exit_code_of_the_failed_program(tmp_path, monkeypatch, ends, code, kind):
-    (tmp_path / "echofuse-x").write_text(f"#!/bin/sh\necho echofuse-x: what was wrong >&2\n{ends}\n")
-    (tmp_path / "echofuse-x").chmod(0o755)
+    executable(tmp_path / "echofuse-x", f"#!/bin/sh\necho echofuse-x: what was wrong >&2\n{ends}\n")
     monkeypatch.setenv("ECHOFUSE_BIN", str(tmp_path))
     with pytest.raises(bench.ProgramError, match="^what was wrong$") as found:
         call("echofuse-x")
@@ -119,29 +110,6 @@ class Constant:
         return np.repeat(self.map[None], len(fresh), 0)
 
 
-class Broken(Constant):
-    def predict(self, fresh):
-        raise KeyError("no idea")
-
-
-def test_bench_scores_user_methods_and_does_not_repeat_finished_rows(run, tmp_path, capsys):
-    table = bench.Table(tmp_path / "b.csv")
-    methods = [bench.method("nearest"), bench.python_method("constant", Constant), bench.python_method("broken", Broken)]
-    fresh = tmp_path / "fresh.sqlite"
-    program("echofuse-sim", "dataset", "-q", "--out", fresh, "--records", 20, "--seed", 2)
-    cells = bench.pareto_cells(run.path, fresh, methods, seeds=1)
-    bench.fill(table, cells, quiet=True)
-    rows = {row["model"]: row for row in table.rows.values()}
-    assert float(rows["nearest"]["multiply_adds"]) > 0 and float(rows["constant"]["iou"]) > 0
-    assert np.isnan(float(rows["broken"]["iou"])) and "no idea" in capsys.readouterr().err
-    again = bench.Table(tmp_path / "b.csv")
-    before = (tmp_path / "b.csv").read_text()
-    bench.fill(again, cells, quiet=True)
-    assert (tmp_path / "b.csv").read_text() == before and again.rows.keys() == table.rows.keys()
-    text = bench.markdown(bench.means(again))
-    assert "`constant`" in text and "| IoU | 95 % interval over the records | IoU difference from the best | depth error in the overlap (number of maps) |" in text
-
-
 class Truth:
     def __init__(self, path):
         self.path = path
@@ -154,9 +122,7 @@ class Truth:
 
 
 def test_true_maps_have_iou_1_even_for_bodies_nearer_than_any_training_body(run, tmp_path):
-    near = tmp_path / "near.sqlite"
-    program("echofuse-sim", "dataset", "-q", "--out", near, "--people", 12, "--set", "target_z_min_m=1.2", "--set",
-            "target_z_max_m=1.4")
+    near = made("echofuse-sim", "dataset", "-q", "--people", 12, "--set", "target_z_min_m=1.2", "--set", "target_z_max_m=1.4")
     row = bench.measure(bench.python_method("truth", lambda: Truth(near)), run.path, near)
     assert row["iou"] == 1 and row["depth_mae_m"] == 0
     with pytest.raises(bench.ProgramError, match="is a training run"):
@@ -164,8 +130,6 @@ def test_true_maps_have_iou_1_even_for_bodies_nearer_than_any_training_body(run,
 
 
 def test_bench_refuses_an_unknown_method_and_a_table_of_another_study(run, tmp_path):
-    """A mistyped method name makes the bench stop with an error. No row of NaN is added to the
-    table for this method."""
     table = bench.Table(tmp_path / "b.csv", "this")
     with pytest.raises(bench.UsageError, match="nearst"):
         bench.fill(table, bench.pareto_cells(run.path, run.path, [bench.method("nearst")], seeds=1), quiet=True)
@@ -226,8 +190,7 @@ def test_content_hash_of_a_run_depends_on_its_verdicts_offsets_axes_and_data(run
 def test_study_computed_in_two_parts_gives_the_same_rows_and_trains_each_model_once(run, tmp_path):
     """Each of the two parts writes its own table in the folder of the common table. Study cells that need the same run
     or model share it."""
-    made, learnt = [], tmp_path / "learnt.sqlite"
-    program("echofuse-sim", "dataset", "-q", "--out", learnt, "--records", 12, "--seed", 9)
+    made, learnt = [], scenes(12, 9)
 
     def cells():
         def source(name):
@@ -261,11 +224,9 @@ def test_study_computed_in_two_parts_gives_the_same_rows_and_trains_each_model_o
     assert bench.Table(cat).rows.keys() == whole.rows.keys() and cat.read_text().endswith("\n")
 
 
-def test_letters_are_recognised_in_true_maps_but_not_in_empty_or_mirrored_maps(tmp_path):
-    path = tmp_path / "letters.sqlite"
-    program("echofuse-sim", "dataset", "-q", "--letters", 24, "--seed", 3, "--set", "spd_rays=16", "--set", "radar_rays=16", "--set",
-            "map_size=256", "--out", path)
-    with echofuse.open(path) as run:
+def test_letters_are_recognised_in_true_maps_but_not_in_empty_or_mirrored_maps():
+    settings = [word for setting in ("spd_rays=16", "radar_rays=16", "map_size=256") for word in ("--set", setting)]
+    with echofuse.open(made("echofuse-sim", "dataset", "-q", "--letters", 24, "--seed", 3, *settings)) as run:
         truth, half = run.maps(), run.axes["map_x"].step * 128
         share, sizes = letters.read(truth, truth, run.labels, half)
         assert share.mean() > 0.85 and set(sizes) == {0, 1}

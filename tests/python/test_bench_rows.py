@@ -14,7 +14,7 @@ import pytest
 import echofuse
 from echofuse import bench
 from echofuse.bench import stability
-from fixtures import BIN, program
+from fixtures import BIN, executable, program, scenes
 
 os.environ["ECHOFUSE_BIN"] = str(BIN)
 
@@ -47,12 +47,9 @@ echofuse.save_maps(sys.argv[3], train.maps(nearest), test.index, run=test)
 """
 
 
-@pytest.fixture(scope="module")
-def runs(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("rows")
-    for name, records, seed in (("train", 40, 1), ("test", 20, 2)):
-        program("echofuse-sim", "dataset", "-q", "--out", folder / f"{name}.sqlite", "--records", records, "--seed", seed)
-    return folder / "train.sqlite", folder / "test.sqlite"
+@pytest.fixture
+def runs():
+    return scenes(40), scenes(20, 2)
 
 
 def pareto(folder, runs, *methods, out="b.csv", row=0, more=()):
@@ -71,11 +68,11 @@ def test_bench_compares_the_examples_and_an_external_program_with_a_built_in_met
         if importlib.util.find_spec(package):  # The method is omitted if its package is not installed.
             shutil.copy(examples / f"{module}.py", tmp_path)
             methods.append(f"{module}:{name}")
-    (tmp_path / "other").write_text(PROGRAM)
-    (tmp_path / "other").chmod(0o755)
+    executable(tmp_path / "other", PROGRAM)
     done, rows = pareto(tmp_path, runs, *methods)
     assert done.returncode == 0 and rows.keys() == set(methods), done.stderr
     assert {(row["answered"], row["records"], row["threads"]) for row in rows.values()} == {("20", "20", "1")}
+    assert float(rows["nearest"]["multiply_adds"]) > 0
 
 
 def lines(folder):
@@ -104,12 +101,10 @@ def test_bench_measures_a_method_again_only_if_its_code_changed(runs, tmp_path, 
 @pytest.mark.parametrize("edited", ["mine", "source/maps.sh"])
 def test_bench_measures_an_edited_command_again(runs, tmp_path, edited):
     folder = tmp_path / "own"
-    (folder / "source").mkdir(parents=True)
-    for name, text in ("mine", f"#!/bin/sh\ndate +%N > {folder}/output\nexec sh {folder}/source/maps.sh $3\n"), ("source/maps.sh", f"cp -r {tmp_path}/maps $1\n"):
-        (folder / name).write_text(text)
-        (folder / name).chmod(0o755)
-    with echofuse.open(runs[1]) as run:
-        echofuse.save_maps(tmp_path / "maps", run.maps(), run.index)
+    executable(folder / "mine", f"#!/bin/sh\ndate +%N > {folder}/output\nexec sh {folder}/source/maps.sh $3\n")
+    executable(folder / "source/maps.sh", f"cp -r {tmp_path}/maps $1\n")
+    run = echofuse.open(runs[1])
+    echofuse.save_maps(tmp_path / "maps", run.maps(), run.index)
     for rows, extra in (3, ""), (3, ""), (4, "# changed\n"):
         (folder / edited).write_text((folder / edited).read_text() + extra)
         done, rows_of = pareto(tmp_path, runs, "own/mine")
@@ -145,20 +140,14 @@ def test_predict_method_has_no_access_to_the_true_maps(runs, tmp_path):
     assert float(rows["mine:Copying"]["iou"]) == 0
 
 
-def test_bench_reports_a_missing_package_before_the_first_measurement(runs, tmp_path):
+@pytest.mark.parametrize(("method", "more", "said"), [("lacking:Mine", [], "lacking:Mine: No module named 'no_such_package'"),
+                                                    ("empty", ["--figure", "b.svg"], "install python3-matplotlib")])
+def test_bench_reports_a_missing_package_before_the_first_measurement(runs, tmp_path, monkeypatch, method, more, said):
     (tmp_path / "lacking.py").write_text("import no_such_package\nclass Mine: pass\n")
-    done, rows = pareto(tmp_path, runs, "mean", "lacking:Mine")
-    assert done.returncode == 2 and "lacking:Mine: No module named 'no_such_package'" in done.stderr and not rows
-
-
-def test_bench_reports_missing_matplotlib_before_the_first_measurement(runs, tmp_path):
     (tmp_path / "sitecustomize.py").write_text("import sys\nsys.modules['matplotlib'] = None\n")
-    os.environ["PYTHONPATH"] = f"{tmp_path}:{os.environ.get('PYTHONPATH', '')}"
-    try:
-        done, rows = pareto(tmp_path, runs, "mean", more=["--figure", "b.svg"])
-    finally:
-        os.environ["PYTHONPATH"] = os.environ["PYTHONPATH"].partition(":")[2]
-    assert done.returncode == 2 and "install python3-matplotlib" in done.stderr and not rows
+    monkeypatch.setenv("PYTHONPATH", f"{tmp_path}:{os.environ.get('PYTHONPATH', '')}")
+    done, rows = pareto(tmp_path, runs, "mean", method, more=more)
+    assert done.returncode == 2 and said in done.stderr and not rows
 
 
 def test_second_bench_process_does_not_duplicate_rows(runs, tmp_path):
@@ -187,9 +176,7 @@ def test_stability_study_always_includes_the_baseline_methods(tmp_path, monkeypa
 def test_bench_runs_numerical_libraries_with_one_thread(runs, tmp_path, monkeypatch, front):
     monkeypatch.setenv("OPENBLAS_NUM_THREADS", "2")
     monkeypatch.setenv("OMP_NUM_THREADS", "2")
-    script = tmp_path / "mine"
-    script.write_text(f"#!/bin/sh\necho $OMP_NUM_THREADS $OPENBLAS_NUM_THREADS $MKL_NUM_THREADS > {tmp_path}/threads\nexit 1\n")
-    script.chmod(0o755)
+    executable(tmp_path / "mine", f"#!/bin/sh\necho $OMP_NUM_THREADS $OPENBLAS_NUM_THREADS $MKL_NUM_THREADS > {tmp_path}/threads\nexit 1\n")
     (tmp_path / "echofuse-bench").write_text("from echofuse.bench import main\nmain()\n")  # as in a wheel
     subprocess.run([sys.executable, *front, "pareto", *runs, "--methods", "./mine", "-q", "--out", "b.csv"], cwd=tmp_path, check=False)
     assert (tmp_path / "threads").read_text() == "1 1 1\n"
@@ -209,11 +196,9 @@ def test_pareto_chart_shows_mean_cost_and_lists_methods_without_cost(tmp_path):
 
 
 def test_bench_row_contains_the_number_of_records_with_a_map(runs, tmp_path, capsys):
-    command = tmp_path / "mine"
-    with echofuse.open(runs[1]) as run:
-        echofuse.save_maps(tmp_path / "few", run.maps([0, 1]), run.index[:2])
-    command.write_text(f"#!/bin/sh\ncp -r {tmp_path}/few $3\n")
-    command.chmod(0o755)
+    run = echofuse.open(runs[1])
+    echofuse.save_maps(tmp_path / "few", run.maps([0, 1]), run.index[:2])
+    command = executable(tmp_path / "mine", f"#!/bin/sh\ncp -r {tmp_path}/few $3\n")
     table = bench.Table(tmp_path / "b.csv")
     bench.fill(table, bench.pareto_cells(*runs, [bench.method(str(command)), bench.method("mean")], seeds=1), quiet=True)
     mine, mean = table.rows.values()

@@ -7,14 +7,12 @@ import pytest
 
 import echofuse
 from echofuse.bench import derive
-from fixtures import outcome, program
+from fixtures import outcome, scenes
 
 
-@pytest.fixture(scope="module")
-def run(tmp_path_factory):
-    made = tmp_path_factory.mktemp("judged") / "run.sqlite"
-    program("echofuse-sim", "dataset", "-q", "--out", made, "--records", 60)
-    return echofuse.open(made)
+@pytest.fixture
+def run():
+    return echofuse.open(scenes(60))
 
 
 def judged(folder, run, *words, ok=True):

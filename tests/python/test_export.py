@@ -335,19 +335,6 @@ def test_export_does_not_write_through_a_planted_link(tmp_path, monkeypatch):
     assert sorted(os.listdir(tmp_path)) == ["short", "theirs"] and (tmp_path / "theirs").read_text() == "theirs"
 
 
-@pytest.mark.parametrize("create", [staging.staged, staging.replaced])
-def test_export_syncs_a_file_to_disk_before_it_gets_its_final_name(tmp_path, monkeypatch, create):
-    place, synced = tmp_path / "a.h5", []
-
-    def fsync(descriptor):
-        synced.append((os.path.isdir(f"/proc/self/fd/{descriptor}"), place.exists()))
-
-    monkeypatch.setattr(os, "fsync", fsync)
-    with create(place) as path:
-        path.write_text("ours")
-    assert synced == [(False, False), (True, True)]
-
-
 def test_export_creates_a_file_on_a_file_system_that_does_not_support_hard_links(tmp_path, monkeypatch):
     def no_links(*_):
         raise PermissionError

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Tests that a reader based only on acquire/RUN_FILE.md reads the same values from a run as the
-Python package."""
+"""Tests that a reader based only on acquire/RUN_FILE.md reads the same values from a run as the Python package."""
 import shutil
 import sqlite3
 import zlib

@@ -7,7 +7,7 @@ import pytest
 
 import echofuse
 from echofuse import metrics
-from fixtures import program
+from fixtures import program, scenes
 
 COLUMNS = {"iou": metrics.iou, "depth_mae_m": metrics.depth_mae_m, "lateral_m": metrics.lateral_m, "ssim_fg": metrics.ssim_fg,
            "ghost": metrics.ghost}
@@ -28,13 +28,9 @@ def wrong(truth, how):
     return out.astype(np.float32)
 
 
-@pytest.fixture(scope="module", params=["none", "room"])
-def runs(request, tmp_path_factory):
-    folder = tmp_path_factory.mktemp("metrics")
-    for name, seed in (("train", 1), ("test", 2)):
-        program("echofuse-sim", "dataset", "-q", "--out", folder / f"{name}.sqlite", "--records", 40, "--seed", seed, "--set",
-                f"background={request.param}")
-    return echofuse.open(folder / "train"), echofuse.open(folder / "test")
+@pytest.fixture(params=["none", "room"])
+def runs(request):
+    return [echofuse.open(scenes(40, seed, "--set", f"background={request.param}")) for seed in (1, 2)]
 
 
 @pytest.mark.parametrize("how", ["noise", "expected", "mirrored"])
