@@ -58,8 +58,7 @@ def live(offered):
         config, run, made = (pathlib.Path(folder) / name for name in ("lab.toml", "run.sqlite", "cpu"))
         with testing.Program("timetagger.py", "--block-ms", "5", STAND_IN_PULSES_PER_S=str(pulses),
                              STAND_IN_CPU=str(made)) as program:
-            config.write_text('[run]\nwindow_s = 1.0\n[tdc]\naddress = "bridge:tcp://%s:%d"\n' % program.address,
-                              encoding="utf-8")
+            testing.config(config, 1.0, tdc=program)
             daemon = subprocess.Popen([daemon_program, "run", "--config", config, "--out", run, "--count", str(SLOTS)],
                                       stderr=subprocess.PIPE, text=True)
             time.sleep(SLOTS - 2)

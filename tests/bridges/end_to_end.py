@@ -1,7 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: MIT
-"""end_to_end.py BIN_DIR: tests that the daemon records every tag and every pixel sent by the
-bridges.
+"""Tests that the daemon records every tag and every pixel sent by the bridges.
 
 The bridges use stand-ins for the vendors' libraries."""
 import csv
@@ -17,6 +16,7 @@ import unittest
 import testing
 from testing import Program, np
 
+import fixtures
 import pyorbbecsdk as sdk
 import TimeTagger as library
 
@@ -26,18 +26,12 @@ SLOTS = 10
 
 class Recording(unittest.TestCase):
     def setUp(self):
-        folder = tempfile.TemporaryDirectory(prefix="echofuse-")
-        self.addCleanup(folder.cleanup)
-        self.dir = pathlib.Path(folder.name)
+        self.dir = pathlib.Path(self.enterContext(tempfile.TemporaryDirectory(prefix="echofuse-")))
 
-    def record(self, bridge, key, enough):
-        """Records a run with slots of 0.2 s. Returns the rows of the run and the daemon's log.
-
-        Stops the bridge after `enough` rows, so that the bridge prints the number of items sent."""
-        config = self.dir / "lab.toml"
-        address = "bridge:tcp://%s:%d" % bridge.address
-        table, name = key.split(".")
-        config.write_text(f'[run]\nwindow_s = 0.2\n[{table}]\n{name} = "{address}"\n', encoding="utf-8")
+    def record(self, bridge, table, enough):
+        """Records a run. Stops the bridge after `enough` rows, so that the bridge prints the number of items sent. Returns
+        the rows of the run and the daemon's log."""
+        config = testing.config(self.dir / "lab.toml", **{table: bridge})
         daemon = subprocess.Popen([daemon_program, "run", "--config", config, "--out", self.dir / "run", "--count",
                                    str(SLOTS)], stderr=subprocess.PIPE, text=True)
         self.addCleanup(lambda: daemon.poll() is None and daemon.kill())
@@ -53,19 +47,16 @@ class Recording(unittest.TestCase):
 
     def rows(self):
         try:
-            with sqlite3.connect(f"file:{self.dir}/run.sqlite?mode=ro", uri=True) as db:
-                db.row_factory = sqlite3.Row
-                return db.execute("SELECT * FROM record ORDER BY idx").fetchall()
+            return fixtures.query(self.dir / "run.sqlite", "SELECT * FROM record ORDER BY idx", by_name=True)
         except sqlite3.OperationalError:
             return []
 
     def device(self):
-        with sqlite3.connect(f"file:{self.dir}/run.sqlite?mode=ro", uri=True) as db:
-            return db.execute("SELECT sensor, model, serial, firmware FROM device").fetchall()
+        return fixtures.query(self.dir / "run.sqlite", "SELECT sensor, model, serial, firmware FROM device")
 
     def test_run_contains_every_tag_that_the_bridge_sent(self):
         with Program("timetagger.py", STAND_IN_PULSES_PER_S="200000") as bridge:
-            rows, log = self.record(bridge, "tdc.address", enough=5)
+            rows, log = self.record(bridge, "tdc", enough=5)
             sent, clients, dropped = bridge.sent()
         self.assertEqual((clients, dropped), (1, 0))
         self.assertIn(f"received: {sent} tags", log)
@@ -92,7 +83,7 @@ class Recording(unittest.TestCase):
 
     def test_run_contains_every_depth_pixel_that_the_bridge_sent(self):
         with Program("orbbec.py", "--width", "64", "--height", "64") as bridge:
-            rows, log = self.record(bridge, "depth.address", enough=5)
+            rows, log = self.record(bridge, "depth", enough=5)
             sent, clients, dropped = bridge.sent()
         self.assertEqual((clients, dropped), (1, 0))
         arrived = int(re.search(r"(\d+) depth frames", log).group(1))
@@ -109,13 +100,11 @@ class Recording(unittest.TestCase):
 
     def export(self, index):
         path = self.dir / f"{index}.csv"
-        subprocess.run([daemon_program.with_name("echofuse-export"), self.dir / "run.sqlite", "--record", str(index), "--to", path],
-                       check=True, stderr=subprocess.DEVNULL)
+        testing.run_program("echofuse-export", self.dir / "run.sqlite", "--record", index, "--to", path)
         with open(path, encoding="utf-8") as file:
             rows = [row for row in csv.reader(file) if row[0] == "depth"]
         x, y, z = zip(*[row[1:] for row in rows])
         return np.array(z, int), np.array(x, float), np.array(y, float)
 
 
-if __name__ == "__main__":
-    testing.main()
+testing.main()

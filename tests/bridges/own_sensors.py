@@ -4,7 +4,6 @@
 
 The sensors are the bridges scripts/bridges/example.py and own_radar.py."""
 import pathlib
-import sqlite3
 import subprocess
 import sys
 import tempfile
@@ -14,6 +13,7 @@ import testing
 from testing import Client, Program, here, np, root, run_program
 
 import bridge
+from fixtures import query
 
 PATH = f"{root}/scripts/bridges:{here}"
 SLOTS = 60
@@ -29,9 +29,7 @@ class Example(unittest.TestCase):
         self.assertLessEqual(text.count("\n"), 60)
 
     def test_example_bridge_checks_the_serial_number_and_sends_histograms(self):
-        with Program("example.py", "--serial", "SIM-2") as program:
-            self.assertEqual(program.process.wait(10), 4)
-            self.assertIn("no board with the serial number SIM-2; attached: SIM-1", program.said())
+        self.assertIn("no board with the serial number SIM-2; attached: SIM-1", testing.ended("example.py", "--serial", "SIM-2"))
         with Program("example.py") as program, Client(program.address) as client:
             blocks = client.until(bridge.HISTOGRAM)
             self.assertIn(b'"sends": "histograms"', blocks[0].payload)
@@ -54,44 +52,28 @@ class Example(unittest.TestCase):
 
 class Recording(unittest.TestCase):
     def test_data_of_custom_sensors_can_be_recorded_displayed_and_used_for_training(self):
-        folder = tempfile.TemporaryDirectory(prefix="echofuse-")
-        self.addCleanup(folder.cleanup)
-        place = pathlib.Path(folder.name)
-        with Program("example.py") as board, own("own_radar.py") as radar, \
-                own("own_camera.py") as camera:
-            config = "[run]\nwindow_s = 0.2\n"
-            for table, sensor in (("tdc", board), ("radar", radar), ("depth", camera)):
-                config += '[%s]\naddress = "bridge:tcp://%s:%d"\n' % (table, *sensor.address)
-            (place / "lab.toml").write_text(config, encoding="utf-8")
-            run_program("echofuse-acquire", "run", "--config", place / "lab.toml", "--out",
-                             place / "run", "--count", SLOTS, "--keep-raw", place / "raw")
+        place = pathlib.Path(self.enterContext(tempfile.TemporaryDirectory(prefix="echofuse-")))
+        with Program("example.py") as board, own("own_radar.py") as radar, own("own_camera.py") as camera:
+            run_program("echofuse-acquire", "run", "--config", testing.config(place / "lab.toml", tdc=board, radar=radar, depth=camera),
+                        "--out", place / "run", "--count", SLOTS, "--keep-raw", place / "raw")
         complete = self.check_run(place / "run.sqlite")
-        for command in (("echofuse-recon", "train", place / "run.sqlite", "--model", "ridge",
-                         "--out", place / "model", "-q"),
-                        ("echofuse-recon", "reconstruct", place / "model", place / "run.sqlite",
-                         "--out", place / "maps", "-q"),
-                        ("echofuse-acquire", "import", place / "raw", "--out", place / "again")):
-            # Code 5: a record lacks a sensor, because a process was starved.
-            run_program(*command, ok=(0, 5) if "reconstruct" in command else (0,))
+        run_program("echofuse-recon", "train", place / "run.sqlite", "--model", "ridge", "--out", place / "model", "-q")
+        # Code 5: a record lacks a sensor, because a process was starved.
+        run_program("echofuse-recon", "reconstruct", place / "model", place / "run.sqlite", "--out", place / "maps", "-q", ok=(0, 5))
         self.assertGreaterEqual(len(list((place / "maps").glob("*.png"))), complete)
-        with sqlite3.connect(place / "run.sqlite") as live, \
-                sqlite3.connect(place / "again.sqlite") as again:
-            query = "SELECT spd, radar FROM record WHERE valid = 7 ORDER BY idx LIMIT 40"
-            self.assertEqual(again.execute(query).fetchall(), live.execute(query).fetchall())
+        run_program("echofuse-acquire", "import", place / "raw", "--out", place / "again")
+        live, again = (query(place / f"{run}.sqlite", "SELECT spd, radar FROM record WHERE valid = 7 ORDER BY idx LIMIT 40")
+                       for run in ("run", "again"))
+        self.assertEqual(again, live)
         self.assertIn("R1", run_program("echofuse-acquire", "info", place / "run.sqlite"))
 
     def check_run(self, path):
-        with sqlite3.connect(path) as db:
-            axes = dict((row[0], row[1:]) for row in db.execute(
-                "SELECT name, quantity, unit, count, start, step FROM axis"))
-            self.assertEqual(axes["spd"], ("counts", "ps", 336, 13343, 100))
-            self.assertEqual(axes["radar"][:3], ("power", "m", 80))
-            self.assertEqual(db.execute("SELECT sensor, model, serial FROM device ORDER BY sensor")
-                             .fetchall(), [("depth", "Own camera", "C1"),
-                                           ("radar", "Own radar", "R1"),
-                                           ("spd", "Simulated board", "SIM-1")])
-            rows = db.execute("SELECT spd, radar FROM record WHERE valid = 7").fetchall()
-            starts = db.execute("SELECT DISTINCT starts % 50000 FROM record").fetchall()
+        axes = {row[0]: row[1:] for row in query(path, "SELECT name, quantity, unit, count, start, step FROM axis")}
+        self.assertEqual((axes["spd"], axes["radar"][:3]), (("counts", "ps", 336, 13343, 100), ("power", "m", 80)))
+        self.assertEqual(query(path, "SELECT sensor, model, serial FROM device ORDER BY sensor"), [
+            ("depth", "Own camera", "C1"), ("radar", "Own radar", "R1"), ("spd", "Simulated board", "SIM-1")])
+        rows = query(path, "SELECT spd, radar FROM record WHERE valid = 7")
+        starts = query(path, "SELECT DISTINCT starts % 50000 FROM record")
         self.assertGreater(len(rows), 0.8 * SLOTS)
         self.assertEqual(starts, [(0,)])
         near = 0
@@ -102,5 +84,4 @@ class Recording(unittest.TestCase):
         return len(rows)
 
 
-if __name__ == "__main__":
-    testing.main()
+testing.main()

@@ -1,8 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: MIT
 """packing.py BIN_DIR: compares scripts/bridges/pack.py with NumPy, and runs bridges without the packing library."""
-import contextlib
-import io
 import pathlib
 import struct
 import tempfile
@@ -83,18 +81,14 @@ class Absent(unittest.TestCase):
             text.write_text("no library")
             for named, why in (("", "is missing"), (str(text), "cannot be used"),
                                (_ctypes.__file__, "cannot be used")):
-                with self.subTest(named), Program("timetagger.py",
-                                                  ECHOFUSE_BRIDGE_LIBRARY=named) as program:
-                    self.assertEqual(program.process.wait(10), 4)
-                    self.assertRegex(program.said(), why + ".*ECHOFUSE_BRIDGE_LIBRARY")
-                    self.assertEqual(program.said().count("\n"), 1)
+                said = testing.ended("timetagger.py", ECHOFUSE_BRIDGE_LIBRARY=named)
+                self.assertRegex(said, why + ".*ECHOFUSE_BRIDGE_LIBRARY")
+                self.assertEqual(said.count("\n"), 1)
 
     def test_missing_crc32c_package_is_reported_by_name(self):
-        with mock.patch.object(pack, "MISSING", "no crc32c"), \
-                contextlib.redirect_stderr(io.StringIO()) as said:
+        with mock.patch.object(pack, "MISSING", "no crc32c"), testing.messages() as said:
             self.assertRaises(SystemExit, bridge.require_packages)
         self.assertIn("python3-crc32c", said.getvalue())
 
 
-if __name__ == "__main__":
-    testing.main()
+testing.main()

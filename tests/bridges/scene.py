@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Scene of own_radar.py and own_camera.py: a walking person at the distance simulated by
-scripts/bridges/example.py."""
+"""Scene of own_radar.py and own_camera.py: a walking person at the distance simulated by scripts/bridges/example.py."""
 import math
 
 

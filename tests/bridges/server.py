@@ -1,7 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: MIT
-"""Tests the common part of all bridges: the framing of blocks, and the server, which accepts one
-client at a time."""
+"""Tests the common part of all bridges: the framing of blocks, and the server, which accepts one client at a time."""
 import socket
 import time
 import unittest
@@ -151,5 +150,4 @@ class SlowClient(unittest.TestCase):
             self.assertEqual(client.until(bridge.TAGS)[-1].dropped, 0)
 
 
-if __name__ == "__main__":
-    testing.main()
+testing.main()

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""Common parts of the bridge tests: module paths, an independent block reader, and a class that
-runs a bridge as a process."""
+"""Common parts of the bridge tests: module paths, an independent block reader, and a class that runs a bridge."""
+import contextlib
+import io
 import json
 import os
 import pathlib
@@ -27,22 +28,14 @@ sys.dont_write_bytecode = True
 # Packing library of the tested build. If the file is missing, the bridges run without it.
 library = pathlib.Path(sys.argv[1] if len(sys.argv) > 1 else "").resolve().parent / "lib/libechofuse_bridge_pack.so"
 os.environ.setdefault("ECHOFUSE_BRIDGE_LIBRARY", str(library))
-sys.path[:0] = [str(root / "scripts/bridges"), str(here / "stand_in"), str(here.parent)]
+sys.path[:0] = [str(root / "scripts/bridges"), str(here / "stand_in"), str(here.parent), str(here.parent / "fixtures")]
 from waiting import wait_for
 
 
 def golden():
     """Returns the four blocks in tests/golden/bridge.hex: hello, tags, depth and bye."""
-    pieces, begin = [], True
-    for line in (root / "tests/golden/bridge.hex").read_text(encoding="utf-8").splitlines():
-        if line.startswith("#"):
-            begin = True
-            continue
-        if begin:
-            pieces.append(b"")
-        begin = False
-        pieces[-1] += bytes.fromhex(line)
-    return pieces
+    text = (root / "tests/golden/bridge.hex").read_text(encoding="utf-8")
+    return [bytes.fromhex(digits) for digits in re.split("(?:^#.*\n)+", text, flags=re.M)[1:]]
 
 
 Block = types.SimpleNamespace
@@ -90,8 +83,7 @@ class Client:
 
 
 def connect(address):
-    """Tries to connect until the bridge accepts the client, and returns the client after its hello
-    block."""
+    """Tries to connect until the bridge accepts the client. Returns the client after its hello block."""
     while True:
         client = Client(address)
         if client.block().kind == 0:
@@ -138,9 +130,26 @@ class Program:
         return self.process.wait(10)
 
     def sent(self):
-        """Returns the totals printed by the bridge on exit: sent items, clients and dropped
-        items."""
+        """Returns the totals printed by the bridge on exit: sent items, clients and dropped items."""
         return tuple(map(int, re.search(r"sent (\d+) \w+ to (\d+) clients, and dropped (\d+)", self.said()).groups()))
+
+
+def ended(script, *arguments, code=4, **env):
+    """Runs a bridge that ends by itself with the exit code `code`. Returns its messages."""
+    with Program(script, *arguments, **env) as program:
+        assert program.process.wait(10) == code, program.said()
+        return program.said()
+
+
+def messages():
+    return contextlib.redirect_stderr(io.StringIO())
+
+
+def config(path, window_s=0.2, **bridges):
+    """Writes a configuration file with the bridge of each sensor."""
+    path.write_text(f"run.window_s = {window_s}\n" + "".join(
+        '%s.address = "bridge:tcp://%s:%d"\n' % (table, *bridge.address) for table, bridge in bridges.items()), encoding="utf-8")
+    return path
 
 
 def run_program(*words, ok=(0,)):

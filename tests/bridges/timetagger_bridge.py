@@ -1,8 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: MIT
 """Tests scripts/bridges/timetagger.py with a stand-in for the vendor's library."""
-import contextlib
-import io
 import os
 import pathlib
 import signal
@@ -13,7 +11,7 @@ import unittest
 from unittest import mock
 
 import testing
-from testing import Client, Program, connect, golden, np
+from testing import Client, Program, connect, golden, messages, np
 
 import bridge
 import pack
@@ -36,7 +34,7 @@ old_library = types.SimpleNamespace(**{k: v for k, v in vars(library).items() if
 def open_tagger(*arguments, which=library):
     """Opens the stand-in tagger with the given options. Returns the tagger and its messages."""
     recorder.reset()
-    with contextlib.redirect_stderr(io.StringIO()) as said:
+    with messages() as said:
         tagger = timetagger.Tagger(which, options(*arguments))
     return tagger, said.getvalue()
 
@@ -72,7 +70,7 @@ class Arguments(unittest.TestCase):
                     ["--conditional-filter", "-1"], ["--conditional-filter", "48000", "--event-divider", "1=4"], ["--no-such"], ["extra"],
                     ["--file", "a.ttbin", "--network", "lab"], ["--file", "a.ttbin", "--trigger-level", "1=0.5"],
                     ["--network", "lab", "--resolution", "HighResA"], ["--network", "lab", "--serial", "1"]):
-            with self.subTest(bad), contextlib.redirect_stderr(io.StringIO()) as said:
+            with self.subTest(bad), messages() as said:
                 with self.assertRaises(SystemExit) as ended:
                     options(*bad)
                 self.assertEqual(ended.exception.code, 2)
@@ -132,8 +130,7 @@ class Calls(unittest.TestCase):
 
 class Tags(unittest.TestCase):
     def poll(self, columns, *arguments, which=library):
-        """Sends the given tags to the bridge. Returns the outlet with the blocks, the pause and the
-        messages."""
+        """Sends the given tags to the bridge. Returns the outlet with the blocks, the pause and the messages."""
         tagger, _ = open_tagger(*arguments, which=which)
         tagger._stream.stop()
         if which is old_library:
@@ -146,7 +143,7 @@ class Tags(unittest.TestCase):
             tagger._stream.process(tags, 0, 0)
             tags.view("u1")[:] = 0xEE  # overwrites the array, as the library does
         outlet = Outlet()
-        with contextlib.redirect_stderr(io.StringIO()) as said, mock.patch.object(timetagger, "RATE_S", 0):
+        with messages() as said, mock.patch.object(timetagger, "RATE_S", 0):
             pause = tagger.poll(outlet)
         return outlet, pause, said.getvalue()
 
@@ -190,7 +187,7 @@ class Tags(unittest.TestCase):
         self.assertEqual(self.poll([column[:700] for column in self.pattern(700)])[2], "")  # the first 700 tags contain no overflow
 
     def test_tag_loss_at_20_mhz_is_reported_only_twice_within_100_s(self):
-        with mock.patch.object(time, "monotonic", lambda: self.now), contextlib.redirect_stderr(io.StringIO()) as said:
+        with mock.patch.object(time, "monotonic", lambda: self.now), messages() as said:
             self.now = 0.0
             losses = timetagger.Losses(options())
             tags = [pack.Packed(b"", 1_000_000, starts=1_000_000, overflows=0)]
@@ -208,10 +205,7 @@ class Tags(unittest.TestCase):
 
 class Silence(unittest.TestCase):
     def setUp(self):
-        patch = mock.patch.object(timetagger, "NO_DATA_S", 0.1), mock.patch.object(timetagger, "ANSWER_MS", 10)
-        for each in patch:
-            each.start()
-            self.addCleanup(each.stop)
+        self.enterContext(mock.patch.multiple(timetagger, NO_DATA_S=0.1, ANSWER_MS=10))
 
     def poll(self, which):
         """Polls until the connection has been checked three times after the last tags. Returns the messages printed
@@ -220,7 +214,7 @@ class Silence(unittest.TestCase):
         self.addCleanup(tagger.close)
         checks = lambda: recorder.calls.count(("sync",))
         outlet, blocks, before, end = Outlet(), 0, 0, time.monotonic() + 20
-        with contextlib.redirect_stderr(io.StringIO()) as said:
+        with messages() as said:
             while not blocks or checks() < before + 3:
                 self.assertLess(time.monotonic(), end, "no end of the silence within 20 s")
                 time.sleep(tagger.poll(outlet))
@@ -258,15 +252,11 @@ class Process(unittest.TestCase):
         with tempfile.TemporaryDirectory() as folder:
             for name in ("Swabian", "TimeTagger"):
                 (pathlib.Path(folder) / f"{name}.py").write_text("raise ImportError('no vendor library')\n")
-            with Program("timetagger.py", path=folder) as program:
-                self.assertEqual(program.process.wait(10), 4)
-                self.assertRegex(program.said(), r"\Atimetagger: no vendor library; install [^\n]*python3 -m venv --system-site-packages "
-                                               r"[^\n]*pip install Swabian-TimeTagger && export ECHOFUSE_BRIDGE_PYTHON[^\n]*\n\Z")
+            self.assertRegex(testing.ended("timetagger.py", path=folder), r"\Atimetagger: no vendor library; install [^\n]*python3 -m venv --system-site-packages "
+                             r"[^\n]*pip install Swabian-TimeTagger && export ECHOFUSE_BRIDGE_PYTHON[^\n]*\n\Z")
 
     def test_missing_tagger_ends_the_bridge_with_an_error(self):
-        with Program("timetagger.py", STAND_IN_FAULTS="createTimeTagger:1") as program:
-            self.assertEqual(program.process.wait(10), 4)
-            self.assertEqual(program.said(), "timetagger: createTimeTagger failed\n")
+        self.assertEqual(testing.ended("timetagger.py", STAND_IN_FAULTS="createTimeTagger:1"), "timetagger: createTimeTagger failed\n")
 
     def test_listen_address_in_use_is_reported(self):
         with Program("timetagger.py") as first:

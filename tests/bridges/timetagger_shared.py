@@ -4,8 +4,6 @@
 
 Also tests the scan of trigger levels and the required versions of the Python interpreter and the library. All tests use
 a stand-in for the vendor's library."""
-import contextlib
-import io
 import os
 import pathlib
 import subprocess
@@ -19,6 +17,7 @@ import testing
 from testing import Client, Program, connect, np
 
 import bridge
+from fixtures import executable
 import pack
 import recorder
 import TimeTagger as library
@@ -37,9 +36,8 @@ class Shared(unittest.TestCase):
             ("register_channel", 1), ("register_channel", 2), ("finalize_init",), ("stop",), ("freeTimeTagger",)])
 
     def test_refused_setting_is_reported_with_a_remedy(self):
-        with Program("timetagger.py", "--network", "lab:4444", "--trigger-level", "2=0.5", STAND_IN_LISTEN="1") as program:
-            self.assertEqual(program.process.wait(10), 4)
-            self.assertIn("start the server with AccessMode.Control", program.said())
+        self.assertIn("start the server with AccessMode.Control", testing.ended(
+            "timetagger.py", "--network", "lab:4444", "--trigger-level", "2=0.5", STAND_IN_LISTEN="1"))
         with Program("timetagger.py", "--network", "lab:4444", STAND_IN_LISTEN="1") as program:
             with Client(program.address) as client:
                 client.until(bridge.TAGS)
@@ -90,20 +88,17 @@ class Shared(unittest.TestCase):
 class Python(unittest.TestCase):
     def test_bridge_runs_with_the_interpreter_of_a_virtual_environment(self):
         with tempfile.TemporaryDirectory() as folder:
-            python = pathlib.Path(folder) / "python3"
-            python.write_text(f"#!/bin/sh\necho through >&2\nexec {sys.executable} \"$@\"\n")
-            python.chmod(0o755)
+            python = executable(pathlib.Path(folder) / "python3", f"#!/bin/sh\necho through >&2\nexec {sys.executable} \"$@\"\n")
             with Program("timetagger.py", ECHOFUSE_BRIDGE_PYTHON=str(python)) as program:
                 program.address
                 self.assertEqual(program.said().count("through"), 1)
-        with Program("timetagger.py", ECHOFUSE_BRIDGE_PYTHON="/nowhere/python3") as program:
-            self.assertEqual(program.process.wait(10), 2)
-            self.assertIn("ECHOFUSE_BRIDGE_PYTHON=/nowhere/python3: No such file", program.said())
+        self.assertIn("ECHOFUSE_BRIDGE_PYTHON=/nowhere/python3: No such file",
+                      testing.ended("timetagger.py", code=2, ECHOFUSE_BRIDGE_PYTHON="/nowhere/python3"))
 
     def test_library_versions_that_do_not_support_numpy_2_are_refused(self):
         with mock.patch.object(np, "__version__", "2.1.0"):
             for found, fails in (("2.17.3", True), ("2.9.0", True), ("2.17.4", False), ("2.22", False), ("", False)):
-                with contextlib.redirect_stderr(io.StringIO()) as said:
+                with testing.messages() as said:
                     try:
                         vendor.check_version("Swabian-TimeTagger", found, "2.17.4")
                         self.assertFalse(fails, found)
@@ -119,5 +114,4 @@ def scan(*words, **env):
                           env=os.environ | {"PYTHONPATH": str(testing.here / "stand_in")} | env, text=True, capture_output=True)
 
 
-if __name__ == "__main__":
-    testing.main()
+testing.main()

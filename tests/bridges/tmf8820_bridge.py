@@ -166,13 +166,9 @@ class Recording(unittest.TestCase):
             (place / "log.txt").write_text("".join(measurement(body(k), k) for k in range(50)), encoding="utf-8")
             with Program("tmf8820.py", "--replay", place / "log.txt", "--exposure", "0.05") as chip, \
                     Program(here / "own_camera.py", path=f"{root}/scripts/bridges:{here}") as camera:
-                (place / "lab.toml").write_text(
-                    'run.window_s = 0.2\ntdc.address = "bridge:tcp://%s:%d"\ndepth.address = "bridge:tcp://%s:%d"\n'
-                    % (*chip.address, *camera.address), encoding="utf-8")
-                run_program("echofuse-acquire", "run", "--config", place / "lab.toml", "--out", place / "run",
-                                 "--count", SLOTS)
-                self.assertIn("; zones ", run_program("echofuse-acquire", "doctor", "--config",
-                                                           place / "lab.toml"))
+                config = testing.config(place / "lab.toml", tdc=chip, depth=camera)
+                run_program("echofuse-acquire", "run", "--config", config, "--out", place / "run", "--count", SLOTS)
+                self.assertIn("; zones ", run_program("echofuse-acquire", "doctor", "--config", config))
             run = place / "run.sqlite"
             told = json.loads(run_program("echofuse-acquire", "info", run, "--json"))
             self.assertEqual(len(told["zones"]), 9)
@@ -189,5 +185,4 @@ class Recording(unittest.TestCase):
             self.assertIn("ridge, SPD alone", (place / "page/report.html").read_text(encoding="utf-8"))
 
 
-if __name__ == "__main__":
-    testing.main()
+testing.main()

@@ -5,9 +5,11 @@ The stream repeats a pattern of 1000 laser pulses with 1503 tags. Each pulse has
 click 20000 + 100 * (k % 200) ps later, where k is the pulse number. An overflow with 7 missed clicks precedes pulse
 500.
 
-Names and arguments are those in the vendor's documentation of version 2.22 (TimeTagger classes,
-Time-tag streaming, Helper classes, Raw Time-Tag-Stream access) and in its headers TimeTagger.h and
-Iterators.h; signatures.py compares them. Environment variables select faults:
+Names and arguments are those in the vendor's documentation of version 2.22 ("TimeTagger classes", "Time-tag streaming",
+"Helper classes", "Raw Time-Tag-Stream access"; CustomMeasurement.process(incoming_tags, begin_time, end_time) is "called
+whenever a new chunk of time tags is available"). Its headers TimeTagger.h and Iterators.h declare the classes that the Python
+module wraps (IteratorBase: isRunning, stop; CustomMeasurementBase: register_channel, finalize_init). The network and virtual
+taggers are those of TimeTagger.h 2.16.2; run() exists in later versions only. Environment variables select faults:
   STAND_IN_FOREIGN=1    the stream has tags of channels that other clients requested
   STAND_IN_LISTEN=1     the server rejects all settings
   STAND_IN_SERVER=n     the server disconnects at the n-th check of the connection
@@ -20,8 +22,23 @@ import time
 
 import numpy as np
 import recorder
-from recorder import called
+from recorder import called, complete, constant
 
+PUBLISHED = """
+module: createTimeTagger(serial resolution) createTimeTaggerNetwork(address)
+    createTimeTaggerVirtual(filename begin duration) getVersion() scanTimeTagger() freeTimeTagger(tagger)
+TimeTagger: getTriggerLevel(channel) getDACRange() getModel() getSerial() getFirmwareVersion()
+    setTestSignal(channel enabled) setTriggerLevel(channel voltage) setInputDelay(channel delay)
+    setDelayHardware(channel delay) setDelaySoftware(channel delay) setDeadtime(channel deadtime)
+    setConditionalFilter(trigger filtered hardwareDelayCompensation) setEventDivider(channel divider) sync(timeout)
+TimeTaggerNetwork: isConnected() setDelayClient(channel time)
+TimeTaggerVirtual: run(speed) setReplaySpeed(speed) replay(file begin duration queue) waitForCompletion(ID timeout)
+    setInputDelay(channel delay)
+Countrate: __init__(tagger channels) startFor(capture_duration clear) waitUntilFinished(timeout) getData()
+TimeTagStream: __init__(tagger n_max_events channels) isRunning() getData() stop()
+TimeTagStreamBuffer: getEventTypes() getMissedEvents() getChannels() getTimestamps()
+CustomMeasurement: __init__(tagger) register_channel(channel) finalize_init()
+    process(incoming_tags begin_time end_time) isRunning() stop()"""
 PULSES, CLICKS, MISSED = 1000, 500, 7
 PATTERN_TAGS = PULSES + CLICKS + 3
 RATE = float(os.environ.get("STAND_IN_PULSES_PER_S", "50000"))  # with inf, the buffer is always full
@@ -65,6 +82,9 @@ def freeTimeTagger(tagger):
 
 
 class TimeTagger:
+    getModel, getSerial, getFirmwareVersion = map(constant, ("Time Tagger Ultra", "STAND-IN-1", "Version: 2\nFPGA: 10"))
+    getDACRange = constant([-2.5, 2.5])
+
     def __init__(self):
         self.batches, self.levels = 0, {}
         self.most = float("inf")  # number of patterns still to be sent
@@ -74,18 +94,6 @@ class TimeTagger:
         """Returns True if a fault has stopped the stream of tags."""
         return any(n and self.batches >= n for n in (unplugged, dark))
 
-    def getModel(self):
-        return "Time Tagger Ultra"
-
-    def getSerial(self):
-        return "STAND-IN-1"
-
-    def getFirmwareVersion(self):
-        return "Version: 2\nFPGA: 10"
-
-    def setTestSignal(self, channel, enabled):
-        called("setTestSignal", channel, enabled)
-
     def setTriggerLevel(self, channel, voltage):
         called("setTriggerLevel", channel, voltage)
         self.levels[channel] = voltage
@@ -93,27 +101,9 @@ class TimeTagger:
     def getTriggerLevel(self, channel):
         return self.levels.get(channel, 0.5)
 
-    def getDACRange(self):
-        return [-2.5, 2.5]
-
-    def setInputDelay(self, channel, delay):
-        called("setInputDelay", channel, delay)
-
-    def setDelayHardware(self, channel, delay):
-        called("setDelayHardware", channel, delay)
-
-    def setDelaySoftware(self, channel, delay):
-        called("setDelaySoftware", channel, delay)
-
     def setDeadtime(self, channel, deadtime):
         called("setDeadtime", channel, deadtime)
         return -(-deadtime // DEAD_TIME_STEP_PS) * DEAD_TIME_STEP_PS
-
-    def setConditionalFilter(self, trigger, filtered, hardwareDelayCompensation=True):
-        called("setConditionalFilter", trigger, filtered)
-
-    def setEventDivider(self, channel, divider):
-        called("setEventDivider", channel, divider)
 
     def sync(self, timeout=-1):
         called("sync")
@@ -130,59 +120,29 @@ class TimeTaggerNetwork(TimeTagger):
         self.looks = getattr(self, "looks", 0) + 1
         return not happen_at or self.looks < int(happen_at)
 
-    def setDelayClient(self, channel, time):
-        called("setDelayClient", channel, time)
-
-
-if os.environ.get("STAND_IN_LISTEN"):
-    def refuse(self, *_):
-        raise RuntimeError("The server does not allow to modify settings (AccessMode.Listen).")
-    for name in [name for name in vars(TimeTagger) if name.startswith("set")]:
-        setattr(TimeTaggerNetwork, name, refuse)
-
 
 class TimeTaggerVirtual:
-    """Virtual tagger without a model, a serial number or hardware settings, like the vendor's
-    class."""
+    """Virtual tagger without a model, a serial number or hardware settings, like the vendor's class."""
 
     def __init__(self):
         self.batches, self.silent, self.most = 0, False, 0
 
-    def setInputDelay(self, channel, delay):
-        called("setInputDelay", channel, delay)
-
     def waitForCompletion(self, ID=0, timeout=-1):
         return self.most == 0
 
+    def run(self, speed=-1.0):
+        called("run", speed)
+        self.most = 3
 
-def run(self, speed=-1.0):
-    called("run", speed)
-    self.most = 3
-
-
-def setReplaySpeed(self, speed):
-    called("setReplaySpeed", speed)
-
-
-def replay(self, file, begin=0, duration=-1, queue=True):
-    called("replay", file)
-    self.most = 3
-
-
-for call in [setReplaySpeed, replay] if os.environ.get("STAND_IN_OLD_FILE") else [run]:
-    setattr(TimeTaggerVirtual, call.__name__, call)
+    def replay(self, file, begin=0, duration=-1, queue=True):
+        called("replay", file)
+        self.most = 3
 
 
 class Countrate:
     def __init__(self, tagger, channels):
         called("Countrate", channels)
         self._tagger, self._channel = tagger, channels[0]
-
-    def startFor(self, capture_duration, clear=True):
-        pass
-
-    def waitUntilFinished(self, timeout=-1):
-        return True
 
     def getData(self):
         level = self._tagger.levels[self._channel]
@@ -192,20 +152,9 @@ class Countrate:
 
 class TimeTagStreamBuffer:
     def __init__(self, types, missed, channels, times):
-        self._columns = types, missed, channels, times
         self.size = len(times)
-
-    def getEventTypes(self):
-        return self._columns[0]
-
-    def getMissedEvents(self):
-        return self._columns[1]
-
-    def getChannels(self):
-        return self._columns[2]
-
-    def getTimestamps(self):
-        return self._columns[3]
+        self.getEventTypes, self.getMissedEvents, self.getChannels, self.getTimestamps = (
+            lambda column=column: column for column in (types, missed, channels, times))
 
 
 def pattern(start_channel, click_channel, period_ps):
@@ -238,8 +187,7 @@ class Source:
         self._done = 0  # number of patterns sent
 
     def _next(self):
-        """Returns the number of tags that are due, and the offset to add to the times in the
-        pattern."""
+        """Returns the number of tags that are due, and the offset to add to the times in the pattern."""
         self._tagger.batches += 1
         if self._tagger.silent:
             return 0, 0
@@ -283,9 +231,6 @@ class TimeTagStream:
         recorder.happen("getData")
         return TimeTagStreamBuffer(*self._source.columns())
 
-    def stop(self):
-        called("stop")
-
 
 class CustomMeasurement:
     """Calls process() on its own thread, like the vendor's class.
@@ -306,9 +251,6 @@ class CustomMeasurement:
     def finalize_init(self):
         called("finalize_init")
         self._standin_thread.start()
-
-    def process(self, incoming_tags, begin_time, end_time):
-        pass
 
     def isRunning(self):
         recorder.happen("isRunning")
@@ -336,4 +278,14 @@ class CustomMeasurement:
         if path := os.environ.get("STAND_IN_CPU"):
             with open(path, "w", encoding="utf-8") as file:
                 file.write(str(time.thread_time() - in_process))
+
+
+complete(globals(), PUBLISHED)
+for name in ["run"] if os.environ.get("STAND_IN_OLD_FILE") else ["setReplaySpeed", "replay"]:
+    delattr(TimeTaggerVirtual, name)
+if os.environ.get("STAND_IN_LISTEN"):
+    def refuse(self, *_):
+        raise RuntimeError("The server does not allow to modify settings (AccessMode.Listen).")
+    for name in [name for name in vars(TimeTagger) if name.startswith("set")]:
+        setattr(TimeTaggerNetwork, name, refuse)
 

@@ -4,17 +4,31 @@
 Pixel i of frame n has the value 500 + (7 n + 3 i) % 5000, in units of `scale` mm.
 
 Names and numbers of arguments are those in the vendor's stub (orbbec/pyorbbecsdk, stubs/pyorbbecsdk.pyi at 9fcf324).
-Functions that were added in version 2 are those in the bindings of version 2 (src/pyorbbecsdk/stream_profile.cpp).
-signatures.py compares them. As in releases of version 2, get_camera_param() returns zeros while the colour stream is
-off (issues 56 and 103 of the SDK). STAND_IN_INTRINSICS=zero or nan sets the intrinsics of the depth profile.
-STAND_IN_INTRINSICS=none removes them, as in version 1."""
+Functions that were added in version 2 are those in the bindings of version 2 (src/pyorbbecsdk/stream_profile.cpp). As in
+releases of version 2, get_camera_param() returns zeros while the colour stream is off (issues 56 and 103 of the SDK).
+STAND_IN_INTRINSICS=zero or nan sets the intrinsics of the depth profile. STAND_IN_INTRINSICS=none removes them, as in
+version 1."""
 import os
 import time
 import types
 
 import numpy as np
-from recorder import called, happen
+from recorder import called, complete, constant, happen
 
+PUBLISHED = """
+Context: query_devices(0)
+DeviceList: get_count(0) get_device_serial_number_by_index(1) get_device_by_serial_number(1)
+Device: get_device_info(0) is_property_supported(2) set_bool_property(2) set_int_property(2)
+    get_available_preset_list(0) load_preset(1) get_depth_work_mode_list(0) set_depth_work_mode(1)
+DevicePresetList: get_count(0) get_name_by_index(1)
+OBDepthWorkModeList: get_count(0) get_depth_work_mode_by_index(1)
+DeviceInfo: get_name(0) get_serial_number(0) get_firmware_version(0)
+Config: enable_stream(1)
+StreamProfileList: get_video_stream_profile(4)
+VideoStreamProfile: get_intrinsic(0) get_distortion(0)
+Pipeline: __init__(1) get_stream_profile_list(1) start(1) stop(0) get_camera_param(0) wait_for_frames(1)
+FrameSet: get_depth_frame(0)
+DepthFrame: get_index(0) get_width(0) get_height(0) get_depth_scale(0) get_timestamp_us(0) get_data(0)"""
 OBSensorType = types.SimpleNamespace(DEPTH_SENSOR="depth")
 OBFormat = types.SimpleNamespace(Y16="y16")
 OBPropertyID = types.SimpleNamespace(OB_PROP_DEPTH_MIRROR_BOOL="mirror", OB_PROP_LASER_BOOL="laser",
@@ -35,83 +49,28 @@ def values(index, pixels):
     return (500 + (7 * index + 3 * np.arange(pixels)) % 5000).astype("<u2")
 
 
-class Context:
-    def query_devices(self):
-        called("query_devices")
-        return DeviceList()
+class DepthFrame:
+    get_width, get_height = constant(camera.width), constant(camera.height)
 
+    def __init__(self, index):
+        self._index = index
 
-class DeviceList:
-    def get_count(self):
-        return int(os.environ.get("STAND_IN_CAMERAS", "1"))
+    def get_index(self):
+        return self._index
 
-    def get_device_serial_number_by_index(self, index):
-        return os.environ.get("STAND_IN_SERIALS", "STAND-IN-2 STAND-IN-4").split()[index]
+    def get_depth_scale(self):
+        return scale
 
-    def get_device_by_serial_number(self, serial_number):
-        called("get_device_by_serial_number", serial_number)
-        return Device()
+    def get_timestamp_us(self):
+        return 1_000_000 + 66_667 * self._index
 
-
-class Device:
-    def get_device_info(self):
-        return DeviceInfo()
-
-    def is_property_supported(self, property_id, permission_type):
-        return property_id in supported and permission_type == "write"
-
-    def set_bool_property(self, property_id, value):
-        called("set_bool_property", property_id, value)
-
-    def set_int_property(self, property_id, value):
-        called("set_int_property", property_id, value)
-
-    def get_available_preset_list(self):
-        return DevicePresetList()
-
-    def load_preset(self, name):
-        called("load_preset", name)
-
-    def get_depth_work_mode_list(self):
-        return OBDepthWorkModeList()
-
-    def set_depth_work_mode(self, mode):
-        called("set_depth_work_mode", mode.name)
-
-
-class DevicePresetList:
-    def get_count(self):
-        return len(presets)
-
-    def get_name_by_index(self, index):
-        return presets[index]
-
-
-class OBDepthWorkModeList:
-    def get_count(self):
-        return len(depth_modes)
-
-    def get_depth_work_mode_by_index(self, index):
-        return types.SimpleNamespace(name=depth_modes[index])
-
-
-class DeviceInfo:
-    def get_name(self):
-        return "Orbbec Gemini 2"
-
-    def get_serial_number(self):
-        return "STAND-IN-2"
-
-    def get_firmware_version(self):
-        return "1.4.98"
-
-
-class Config:
-    def enable_stream(self, profile):
-        called("enable_stream", *profile.mode)
+    def get_data(self):
+        return values(self._index, camera.width * camera.height).view("u1")
 
 
 class VideoStreamProfile:
+    get_distortion = constant(distortion)
+
     def __init__(self, mode):
         self.mode = mode
 
@@ -121,9 +80,6 @@ class VideoStreamProfile:
         value = 0.0 if intrinsics == "zero" else float("nan")
         return types.SimpleNamespace(**vars(camera) | dict.fromkeys(("fx", "fy", "cx", "cy"), value))
 
-    def get_distortion(self):
-        return distortion
-
 
 class StreamProfileList:
     def get_video_stream_profile(self, width, height, format, fps):
@@ -131,6 +87,11 @@ class StreamProfileList:
             raise RuntimeError("Invalid input, no matched video stream profile found!")
         mode = width, height, format, fps
         return types.SimpleNamespace(mode=mode) if intrinsics == "none" else VideoStreamProfile(mode)
+
+
+class Config:
+    def enable_stream(self, profile):
+        called("enable_stream", *profile.mode)
 
 
 class Pipeline:
@@ -144,9 +105,6 @@ class Pipeline:
     def start(self, config):
         called("start")
         self._index = 0
-
-    def stop(self):
-        called("stop")
 
     def get_camera_param(self):
         zero = types.SimpleNamespace(**dict.fromkeys(vars(camera), 0))
@@ -163,32 +121,59 @@ class Pipeline:
         return FrameSet(DepthFrame(self._index))
 
 
+class DevicePresetList:
+    def get_count(self):
+        return len(presets)
+
+    def get_name_by_index(self, index):
+        return presets[index]
+
+
+class OBDepthWorkModeList:
+    get_count = constant(len(depth_modes))
+
+    def get_depth_work_mode_by_index(self, index):
+        return types.SimpleNamespace(name=depth_modes[index])
+
+
+class DeviceInfo:
+    get_name, get_serial_number, get_firmware_version = map(constant, ("Orbbec Gemini 2", "STAND-IN-2", "1.4.98"))
+
+
+class Device:
+    get_device_info = constant(DeviceInfo())
+    get_available_preset_list, get_depth_work_mode_list = constant(DevicePresetList()), constant(OBDepthWorkModeList())
+
+    def is_property_supported(self, property_id, permission_type):
+        return property_id in supported and permission_type == "write"
+
+    def set_depth_work_mode(self, mode):
+        called("set_depth_work_mode", mode.name)
+
+
+class DeviceList:
+    get_count = constant(int(os.environ.get("STAND_IN_CAMERAS", "1")))
+
+    def get_device_serial_number_by_index(self, index):
+        return ["STAND-IN-2", "STAND-IN-4"][index]
+
+    def get_device_by_serial_number(self, serial_number):
+        called("get_device_by_serial_number", serial_number)
+        return Device()
+
+
+class Context:
+    def query_devices(self):
+        called("query_devices")
+        return DeviceList()
+
+
 class FrameSet:
     def __init__(self, frame):
-        self._frame = frame
+        self.frame = frame
 
     def get_depth_frame(self):
-        return self._frame
+        return self.frame
 
 
-class DepthFrame:
-    def __init__(self, index):
-        self._index = index
-
-    def get_index(self):
-        return self._index
-
-    def get_width(self):
-        return camera.width
-
-    def get_height(self):
-        return camera.height
-
-    def get_depth_scale(self):
-        return scale
-
-    def get_timestamp_us(self):
-        return 1_000_000 + 66_667 * self._index
-
-    def get_data(self):
-        return values(self._index, camera.width * camera.height).view("u1")
+complete(globals(), PUBLISHED)

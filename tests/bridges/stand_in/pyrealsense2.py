@@ -3,7 +3,7 @@
 
 Pixel i of frame n has the value 500 + (7 n + 3 i) % 5000. Names and arguments are those in the SDK's bindings
 (IntelRealSense/librealsense, wrappers/python/pyrs_pipeline.cpp at 09696f9 and pyrs_frame.cpp at 005e21b, pyrs_device.cpp,
-pyrs_options.cpp); signatures.py compares them. Environment variables:
+pyrs_options.cpp). Environment variables:
   STAND_IN_CAMERAS=n      number of cameras (default 1)
   STAND_IN_SCALE=x        depth unit, m (default .001)
   STAND_IN_FINER=n        from frame n on, the depth unit is a tenth of STAND_IN_SCALE
@@ -16,7 +16,19 @@ import time
 import types
 
 import numpy as np
-from recorder import called, happen
+from recorder import called, complete, constant, happen
+
+PUBLISHED = """
+context: query_devices(0)
+device: get_info(1) first_depth_sensor(0)
+depth_sensor: supports(1) set_option(2) get_option_range(1) get_option_value_description(2)
+config: enable_device(1) enable_stream(5)
+pipeline: start(1) stop(0) try_wait_for_frames(1)
+pipeline_profile: get_device(0) get_stream(2)
+stream_profile: as_video_stream_profile(0)
+video_stream_profile: get_intrinsics(0)
+composite_frame: get_depth_frame(0)
+depth_frame: get_frame_number(0) get_timestamp(0) get_units(0) get_width(0) get_height(0) get_data(0)"""
 
 stream = types.SimpleNamespace(depth="depth")
 format = types.SimpleNamespace(z16="z16")
@@ -30,26 +42,32 @@ def values(index, pixels):
     return (500 + (7 * index + 3 * np.arange(pixels)) % 5000).astype("<u2")
 
 
-class device:
-    def get_info(self, info):
-        return {"name": "Intel RealSense D435", "serial": "STAND-IN-3", "firmware": "5.16.0.1"}[info]
+class video_stream_profile:
+    def get_intrinsics(self):
+        f = 0.0 if os.environ.get("STAND_IN_INTRINSICS") == "zero" else 50.0
+        return types.SimpleNamespace(width=WIDTH, height=HEIGHT, fx=f, fy=f, ppx=31.5, ppy=23.5, coeffs=[0.0] * 5)
 
-    def first_depth_sensor(self):
-        return depth_sensor()
+
+class stream_profile:
+    as_video_stream_profile = constant(video_stream_profile())
 
 
 class depth_sensor:
     def supports(self, option):
         return option not in os.environ.get("STAND_IN_LACKS", "").split(",")
 
-    def set_option(self, option, value):
-        called("set_option", option, value)
-
     def get_option_range(self, option):
         return types.SimpleNamespace(min=0.0, max=len(PRESETS) - 1.0)
 
     def get_option_value_description(self, option, value):
         return PRESETS[int(value)]
+
+
+class device:
+    first_depth_sensor = constant(depth_sensor())
+
+    def get_info(self, info):
+        return {"name": "Intel RealSense D435", "serial": "STAND-IN-3", "firmware": "5.16.0.1"}[info]
 
 
 class context:
@@ -59,28 +77,13 @@ class context:
 
 
 class config:
-    def enable_device(self, serial):
-        called("enable_device", serial)
-
     def enable_stream(self, stream_type, width, height, format, framerate):
         called("enable_stream", stream_type, width, height, format, framerate)
         self.size = width, height
 
 
-class stream_profile:
-    def as_video_stream_profile(self):
-        return video_stream_profile()
-
-
-class video_stream_profile:
-    def get_intrinsics(self):
-        f = 0.0 if os.environ.get("STAND_IN_INTRINSICS") == "zero" else 50.0
-        return types.SimpleNamespace(width=WIDTH, height=HEIGHT, fx=f, fy=f, ppx=31.5, ppy=23.5, coeffs=[0.0] * 5)
-
-
 class pipeline_profile:
-    def get_device(self):
-        return device()
+    get_device = constant(device())
 
     def get_stream(self, stream_type, stream_index=-1):
         return stream_profile()
@@ -93,9 +96,6 @@ class pipeline:
             raise RuntimeError("Couldn't resolve requests")
         self._index = 0
         return pipeline_profile()
-
-    def stop(self):
-        called("stop")
 
     def try_wait_for_frames(self, timeout_ms=5000):
         happen("try_wait_for_frames")
@@ -118,6 +118,8 @@ class composite_frame:
 
 
 class depth_frame:
+    get_width, get_height = constant(WIDTH), constant(HEIGHT)
+
     def __init__(self, index):
         self._index = index
 
@@ -132,11 +134,8 @@ class depth_frame:
         finer = self._index >= int(os.environ.get("STAND_IN_FINER", "1000000"))
         return float(np.float32(os.environ.get("STAND_IN_SCALE", "0.001"))) * (0.1 if finer else 1)
 
-    def get_width(self):
-        return WIDTH
-
-    def get_height(self):
-        return HEIGHT
-
     def get_data(self):
         return values(self._index, WIDTH * HEIGHT).reshape(HEIGHT, WIDTH)
+
+
+complete(globals(), PUBLISHED)

@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: MIT
-"""Records the calls of a stand-in library and raises errors at selected calls.
+"""Common part of the stand-in libraries: makes their classes, records the calls and raises errors at selected calls.
 
 Tests in the same process use `calls` and `faults`. For a bridge in another process, STAND_IN_LOG names the file for the
 calls, and STAND_IN_FAULTS=name:n,... selects the n-th call of each function."""
+import inspect
 import json
 import os
+import re
 
 calls = []
 faults = {}  # message of the RuntimeError for the n-th call of a function, by (name, n)
@@ -31,3 +33,41 @@ def happen(name):
     at = (name, _counts[name])
     if at in faults or f"{name}:{at[1]}" in os.environ.get("STAND_IN_FAULTS", "").split(","):
         raise RuntimeError(faults.get(at, f"{name} failed"))
+
+
+def constant(value):
+    return lambda self: value
+
+
+def published(text):
+    """Yields the class and the name of each function in a table of a vendor's functions, and the names of its arguments. A
+    line begins with the class, or with "module". The vendor may publish only the number of arguments."""
+    owner = ""
+    for new_owner, name, words in re.findall(r"(\w+):|(\w+)\(([\w ]*)\)", text):
+        owner = new_owner or owner
+        if name:
+            yield owner, name, [f"argument{k}" for k in range(int(words))] if words.isdigit() else words.split()
+
+
+def complete(library, text):
+    """Completes the namespace of a stand-in by the table of the vendor's functions. Each function refuses other arguments
+    than the published ones. A method that the stand-in does not define only records its call."""
+    for owner, name, arguments in published(text):
+        if owner == "module":
+            library[name] = with_arguments(library[name], arguments)
+        else:
+            place = library.setdefault(owner, type(owner, (), {}))
+            setattr(place, name, with_arguments(vars(place).get(name) or recorded(name), ["self", *arguments]))
+
+
+def recorded(name):
+    return lambda self, *values: called(name, *values)
+
+
+def with_arguments(function, names):
+    signature = inspect.Signature([inspect.Parameter(name, inspect.Parameter.POSITIONAL_OR_KEYWORD) for name in names])
+
+    def checked(*values, **named):
+        signature.bind_partial(*values, **named)
+        return function(*values, **named)
+    return checked
