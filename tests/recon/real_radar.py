@@ -1,8 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
 """Checks that models trained on the radar recordings published by Turpin et al. score better than the mean map on the
-last records. Called as `real_radar.py BIN_DIR`. The test is skipped (exit code 77) if the folder ECHOFUSE_DATA does
-not contain the recordings."""
+last records. The test is skipped (exit code 77) if the folder ECHOFUSE_DATA does not contain the recordings."""
 import json
 import os
 import pathlib

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Opens report pages in Chromium: light and dark, wide and narrow, and as printed. Called as
-`tests/recon/report_page.py BIN_DIR`. Checks that nothing overflows, overlaps or stays empty, and that the page
-contacts no server. Links and keys must show the records in the file. Untrusted text must be shown but not executed. Exits with code 77 if Chromium is not installed."""
+"""Opens report pages in Chromium: light and dark, wide and narrow, and as printed. Checks that nothing overflows,
+overlaps or stays empty, and that the page contacts no server. Links and keys must show the records in the file.
+Untrusted text must be shown but not executed. Exits with code 77 if Chromium is not installed."""
 import pathlib
 import sys
 import tempfile

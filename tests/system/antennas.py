@@ -1,8 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Records a run with a simulated radar that sends antenna samples. Called as `tests/system/antennas.py BIN_DIR
-[TEST]`. Checks that every frame arrives complete, and that each record contains the statistics of its frames. The
-expected statistics are computed from the raw bytes."""
+"""Records a run with a simulated radar that sends antenna samples. Checks that every frame arrives complete, and that
+each record contains the statistics of its frames. The expected statistics are computed from the raw bytes."""
 import json
 import math
 import sqlite3
@@ -132,5 +131,4 @@ class Antennas(Case):
         self.check(200)
 
 
-if __name__ == "__main__":
-    main(Antennas)
+main(Antennas)

@@ -1,7 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Tests that scripts/manual --api documents every public name and fails if a public name has no description.
-Called as `tests/system/api_pages.py BIN_DIR`."""
+"""Tests that scripts/manual --api documents every public name and fails if a public name has no description."""
 import shutil
 import subprocess
 import sys
@@ -68,5 +67,4 @@ class ApiPages(Case):
         self.assertIn("echofuse.Axis.hidden has no docstring", done.stderr)
 
 
-if __name__ == "__main__":
-    main(ApiPages)
+main(ApiPages)

@@ -11,11 +11,17 @@ import unittest
 bin_dir = pathlib.Path(sys.argv[1]).resolve()
 source = pathlib.Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(source / folder) for folder in ("tests", "tests/fixtures", "tests/view", "recon/python")]
+import waiting
 
 
 class Case(unittest.TestCase):
     def setUp(self):
         self.dir = self.new_folder(self.enterContext)
+
+    def lab(self, *command, options=(), simulator=(bin_dir / "echofuse-sim", "lab")):
+        """Runs a command in the simulated laboratory self.dir/lab. Returns the finished process (waiting.run)."""
+        return waiting.run([*simulator, "--dir", self.dir / "lab", *options, "--", *command], text=True, timeout=180,
+                           stdout=subprocess.PIPE, stderr=subprocess.PIPE)
 
     @staticmethod
     def new_folder(enter):

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Tests what each program answers to damaged, foreign and malicious run files. Called as `tests/system/damaged_inputs.py
-BIN_DIR [TEST]`. Each command must end soon, use little memory, print a single error line and return a documented exit
-code. Malicious strings from runs and devices must not affect a terminal or a spreadsheet."""
+"""Tests what each program answers to damaged, foreign and malicious run files. Each command must end soon, use little
+memory, print a single error line and return a documented exit code. Malicious strings from runs and devices must not
+affect a terminal or a spreadsheet."""
 import contextlib
 import json
 import os
@@ -346,5 +346,4 @@ class DamagedInputs(SharedCase):
                 self.attack(self.make(change), "info", "json", "export", "csv", "reconstruct", "train")
 
 
-if __name__ == "__main__":
-    main(DamagedInputs)
+main(DamagedInputs)

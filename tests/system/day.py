@@ -1,8 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Runs programs on a 24 h run with eight antennas and on a run of a tenth of this length. Called as
-`tests/system/day.py BIN_DIR`. The processor time must grow at most about linearly with the length of the run, and the
-memory much more slowly."""
+"""Runs programs on a 24 h run with eight antennas and on a run of a tenth of this length. The processor time must grow
+at most about linearly with the length of the run, and the memory much more slowly."""
 import os
 import shutil
 import sqlite3
@@ -89,5 +88,4 @@ class Day(SharedCase):
         self.compare(lambda run, _: ["echofuse-view", run, "--listen", "127.0.0.1:0", "--model", self.dir / "model"], look)
 
 
-if __name__ == "__main__":
-    main(Day)
+main(Day)

@@ -1,18 +1,16 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Tests that a run reports its end on every way out. Called as `tests/system/ends.py BIN_DIR [TEST]`."""
-import contextlib
+"""Tests that a run reports its end on every way out."""
 import json
 import os
-import pathlib
 import resource
 import signal
-import sqlite3
 import subprocess
 import time
 
 import live
-from live import wait_for
+import fixtures
+from live import viewers_of, wait_for
 
 
 class Ends(live.Live):
@@ -20,51 +18,41 @@ class Ends(live.Live):
         """Starts a run with a page, --json and an alert program, which runs the command `alert` last."""
         self.calls, config = self.dir / "calls", self.dir / "lab/lab.toml"
         program = self.dir / "lab/alert"
-        program.write_text(f'#!/bin/sh\necho "$ECHOFUSE_SOURCE $ECHOFUSE_DOUBT $ECHOFUSE_TEXT" >>{self.calls}\n{alert}\n')
+        program.write_text(f'#!/bin/sh\necho "$ECHOFUSE_SOURCE $ECHOFUSE_DOUBT $ECHOFUSE_TEXT" >>{self.calls}\necho to stdout\n{alert}\n')
         program.chmod(0o755)
         if "[alert]" not in config.read_text():
             config.write_text(config.read_text() + '\n[alert]\non_doubt = ["./alert"]\n')
         return self.record("--view", "--json", *options, stdout=subprocess.PIPE, **how)
-
-    def viewers(self):
-        """Returns the viewers of the run."""
-        found = []
-        for process in pathlib.Path("/proc").glob("[0-9]*"):
-            try:
-                words = (process / "cmdline").read_bytes().split(b"\0")
-            except OSError:
-                continue
-            if words[0].endswith(b"echofuse-view") and os.fsencode(self.run) in words:
-                found.append(int(process.name))
-        return found
 
     def ended(self, daemon, code, text, records):
         """Checks the exit code, the end in --json, the alert program's last call, and that the page is still served."""
         told, log = daemon.communicate(timeout=30)
         self.assertEqual(daemon.returncode, code, log)
         end = json.loads(told.splitlines()[-1])
+        self.assertNotIn("to stdout", told)
         self.assertEqual((end["event"], end["code"], end["on_disk"]), ("end", code, records))
         calls = self.calls.read_text().splitlines() if self.calls.exists() else []
         runs = [call for call in calls if call.startswith("run ")]
         self.assertEqual(runs[0], "run started recording")
         self.assertTrue(runs[-1].startswith("run ended ") and text in runs[-1], runs)
-        self.assertEqual(len(self.viewers()), 1)
+        self.assertEqual(len(viewers_of(self.run)), 1)
         self.stop_viewers()
 
     def stop_viewers(self):
-        for viewer in self.viewers():
+        for viewer in viewers_of(self.run):
             os.kill(viewer, signal.SIGTERM)
-        wait_for("the end of the viewer", lambda: not self.viewers())
+        wait_for("the end of the viewer", lambda: not viewers_of(self.run))
 
     def test_complete_run_reports_its_end(self):
-        daemon = self.begin("--count", "3")
+        daemon = self.begin("--count", "3", "--set", "signal.spd_clicks=1e9")
         self.ended(daemon, 0, "complete", 3)
+        doubts = [call for call in self.calls.read_text().splitlines() if call.startswith("spd ")]
+        self.assertRegex(" ".join(doubts), r"^spd weak weak: \d+ clicks [^:]*$")
 
     def test_alert_program_killed_at_the_end_is_an_event(self):
         daemon = self.begin("--count", "3", alert='[ "$ECHOFUSE_DOUBT" != started ] || exec sleep 60')
         self.ended(daemon, 0, "complete", 3)
-        with contextlib.closing(sqlite3.connect(f"file:{self.run}?mode=ro", uri=True)) as run:
-            texts = [text for text, in run.execute("SELECT text FROM event")]
+        texts = [text for text, in fixtures.query(self.run, "SELECT text FROM event")]
         self.assertTrue(any("was killed because the run ended" in text for text in texts), texts)
 
     def test_run_on_a_full_disk_reports_its_end(self):
@@ -76,11 +64,16 @@ class Ends(live.Live):
         self.ended(daemon, 6, "records were not written", len(self.rows()))
 
     def test_interrupted_run_reports_its_end(self):
-        daemon = self.begin("--set", "run.window_s=20")
+        """A slot that would last longer than the time limit is discarded."""
+        daemon = self.begin("--set", "run.window_s=60")
         wait_for("the run", self.run.exists)
-        time.sleep(1)
-        daemon.send_signal(signal.SIGINT)
+        time.sleep(1)  # Slot 0 begins 0.1 s after the file was made.
+        self.assertEqual(self.info()["status"], "open")
+        sent = time.monotonic()
+        daemon.send_signal(signal.SIGTERM)
         self.ended(daemon, 0, "stopped:interrupted", 0)
+        self.assertLess(time.monotonic() - sent, 5)
+        self.assertEqual((self.info()["status"], self.info()["records"]), ("stopped:interrupted", 0))
 
     def test_interrupt_before_the_first_slot_leaves_no_file(self):
         """With slots of 9 s, slot 0 begins up to 9 s after the file appears."""
@@ -93,8 +86,7 @@ class Ends(live.Live):
         self.assertEqual((daemon.returncode, json.loads(told.splitlines()[-1])["code"]), (130, 130), log)
         self.assertIn("nothing was recorded", log)
         self.assertEqual(list(self.dir.glob("run.sqlite*")), [])
-        self.assertEqual(self.viewers(), [])
+        self.assertEqual(viewers_of(self.run), [])
 
 
-if __name__ == "__main__":
-    live.main(Ends)
+live.main(Ends)

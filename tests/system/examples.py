@@ -1,7 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Tests that the Python examples run and that README.md links to every example. Called as `tests/system/examples.py
-BIN_DIR TEST`."""
+"""Tests that the Python examples run and that README.md links to every example."""
 import importlib.util
 
 import case
@@ -48,5 +47,4 @@ class Examples(case.Case):
         self.assertEqual((labels[-1], "near" in labels), ("near", True))
 
 
-if __name__ == "__main__":
-    case.main(Examples)
+case.main(Examples)

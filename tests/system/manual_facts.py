@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Compares names and defaults in the manuals with the programs: settings, columns, metrics, file formats, exit codes and the
-output of doctor. Called as `manual_facts.py BIN_DIR`. tests/lint.py compares commands and options."""
+"""Compares names and defaults in the manuals with the programs: settings, columns, metrics, file formats, exit codes
+and the output of doctor. tests/lint.py compares commands and options."""
 import json
 import pathlib
 import re
@@ -150,5 +150,4 @@ class Facts(case.SharedCase):
             self.assertEqual(expected, printed, done.stdout)
 
 
-if __name__ == "__main__":
-    case.main(Facts)
+case.main(Facts)

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Tests that scripts/manual builds all pages without warnings, that links and anchors of the pages exist, and that the search
-index contains the pages. Called as `manual_pages.py BIN_DIR`."""
+"""Tests that scripts/manual builds all pages without warnings, that links and anchors of the pages exist, and that the
+search index contains the pages."""
 import html.parser
 import importlib.util
 import json
@@ -83,5 +83,4 @@ class Manual(SharedCase):
         self.assertIn("reference/programs/echofuse-acquire-calibrate", index["docnames"])
 
 
-if __name__ == "__main__":
-    main(Manual)
+main(Manual)

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Tests that each public name has one meaning in C++, Python, JSON, CSV and netCDF. Called as `tests/system/names.py
-BIN_DIR`. The table of names in acquire/GLOSSARY.md must contain every name that at least two of these interfaces use."""
+"""Tests that each public name has one meaning in C++, Python, JSON, CSV and netCDF. The table of names in
+acquire/GLOSSARY.md must contain every name that at least two of these interfaces use."""
 import inspect
 import json
 import re
@@ -57,5 +57,4 @@ class Names(Case):
         self.assertEqual({name: listed[name] for name in sorted(listed)}, {name: shared[name] for name in sorted(shared)})
 
 
-if __name__ == "__main__":
-    main(Names)
+main(Names)

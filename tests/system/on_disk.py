@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Uses strace to check that output files have reached the disk when a program exits. Called as `on_disk.py BIN`. The
-program must call fsync on the file, rename the file, and call fsync on the folder."""
+"""Uses strace to check that output files have reached the disk when a program exits. The program must call fsync on the
+file, rename the file, and call fsync on the folder."""
 import pathlib
 import re
 import shutil

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Tests files of the Debian package without building the package. Called as `tests/system/package.py`. Tests the
-package relations, the compression and the removal script. scripts/check_fresh --package tests built packages."""
+"""Tests files of the Debian package without building the package. Tests the package relations, the compression and the
+removal script. scripts/check_fresh --package tests built packages."""
 import os
 import pathlib
 import re

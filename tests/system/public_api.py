@@ -1,8 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Tests that external programs can use the installed library. Called as `tests/system/public_api.py BIN_DIR`. The
-examples are built in a clean folder with CMake and pkg-config. Their output is compared with the output of the
-programs."""
+"""Tests that external programs can use the installed library. The examples are built in a clean folder with CMake and
+pkg-config. Their output is compared with the output of the programs."""
 import json
 import os
 import re
@@ -172,5 +171,4 @@ class PublicApi(SharedCase):
             self.assertEqual(others, [], header)
 
 
-if __name__ == "__main__":
-    main(PublicApi)
+main(PublicApi)

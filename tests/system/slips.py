@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Tests that mistyped commands print the listed message and return the listed exit code. Called as
-`tests/system/slips.py BIN_DIR`. The command's help must list this exit code."""
+"""Tests that mistyped commands print the listed message and return the listed exit code. The command's help must list
+this exit code."""
 import functools
 import pathlib
 import re

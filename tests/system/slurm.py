@@ -1,11 +1,9 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Tests scripts/slurm on an emulated Slurm cluster of two nodes on this machine. Called as `tests/system/slurm.py
-BIN_DIR`. One node fails during an array job, and the result must be bit-identical to the result of a single process.
-The test is skipped if it is not run as root, or if Debian's slurmctld, slurmd, slurm-client or munge is not
-installed."""
+"""Tests scripts/slurm on an emulated Slurm cluster of two nodes on this machine. One node fails during an array job,
+and the result must be bit-identical to the result of a single process. The test is skipped if it is not run as root, or
+if Debian's slurmctld, slurmd, slurm-client or munge is not installed."""
 import contextlib
-import csv
 import functools
 import hashlib
 import os
@@ -174,24 +172,6 @@ class Slurm(unittest.TestCase):
                        check=True)
         self.assertEqual(self.records(*(self.dir / f"work/base/part-{k}.sqlite" for k in range(1, 7))),
                          self.records(self.dir / "whole.sqlite"))
-
-    def test_study_on_a_cluster_gives_the_same_results_as_a_local_study(self):
-        bench = ["echofuse-bench", "stability", "-q", "--quick", "--seeds", "1", "--records", "120",
-                 "--test-records", "20", "--axes", "matched-side", "shifted-radar_offset", "--methods", "mean-shape", "nearest",
-                 "--out"]
-        self.submit("study.sbatch", 4, *bench, "spread.csv")
-        self.finish()
-        subprocess.run([*bench, self.dir / "whole.csv"], check=True, stdout=subprocess.DEVNULL)
-
-        def rows(path):
-            """Returns the first line and the rows of a table, leaving out the measured times."""
-            head, *lines = path.read_text().splitlines()
-            kept = [{name: value for name, value in row.items() if name not in ("infer_us_median", "infer_us_p99", "infer_us_batch", "train_s")}
-                    for row in csv.DictReader(lines)]
-            return head, sorted(map(str, kept))
-
-        self.assertEqual(rows(self.dir / "work/spread.csv"), rows(self.dir / "whole.csv"))
-        self.assertEqual(len(list((self.dir / "work").glob("spread-part-*-of-4.csv"))), 4)
 
 
 IN_ARRAY = {"SLURM_JOB_ID": "9", "SLURM_ARRAY_TASK_ID": "3", "SLURM_ARRAY_TASK_COUNT": "2", "SLURM_ARRAY_TASK_MIN": "3"}

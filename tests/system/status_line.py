@@ -1,7 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Tests the daemon's status line in pseudo-terminals of different widths. Called as `tests/system/status_line.py
-BIN_DIR [TEST]`."""
+"""Tests the daemon's status line in pseudo-terminals of different widths."""
 import fcntl
 import os
 import pty
@@ -105,5 +104,4 @@ class StatusLine(live.Live):
         self.assertEqual(self.info()["status"], "crashed")
 
 
-if __name__ == "__main__":
-    live.main(StatusLine)
+live.main(StatusLine)

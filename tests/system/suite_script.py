@@ -1,7 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Tests the exit status of scripts/test and its list of skipped tests. Called as `tests/system/suite_script.py`. A
-substitute is used for ctest."""
+"""Tests the exit status of scripts/test and its list of skipped tests. A substitute is used for ctest."""
 import os
 import shutil
 import subprocess
@@ -49,5 +48,4 @@ class SuiteScript(unittest.TestCase):
                 self.assertIn("skipped: a.test: no reason given\n1 tests skipped, 0 checks not made", done.stdout)
 
 
-if __name__ == "__main__":
-    unittest.main()
+unittest.main()

@@ -1,7 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Tests echofuse-view with a daemon that records from the simulated laboratory. Called as `tests/view/live_view.py
-BIN_DIR [TEST]`."""
+"""Tests echofuse-view with a daemon that records from the simulated laboratory."""
 import json
 import os
 import pathlib
@@ -15,7 +14,8 @@ import unittest
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent / "system"))
 import live
-from live import WINDOW_S, bin_dir, wait_for
+from case import call
+from live import WINDOW_S, bin_dir, viewers_of, wait_for
 from page_socket import Browser, Client
 
 RECORDS = 40
@@ -28,51 +28,20 @@ def processor_s(process):
     return ticks / os.sysconf("SC_CLK_TCK")
 
 
-def viewers_of(folder):
-    """Returns the process IDs of the viewers that show runs in this folder. Ports do not identify the viewers,
-    because another test may reuse a port."""
-    out = []
-    for process in pathlib.Path("/proc").glob("[0-9]*"):
-        try:
-            words = (process / "cmdline").read_text(encoding="utf-8", errors="replace").split("\0")
-        except OSError:
-            continue  # the process has already exited
-        if pathlib.Path(words[0]).name == "echofuse-view" and words[1].startswith(f"{folder}/"):
-            out.append(int(process.name))
-    return out
-
-
 class LiveView(live.Live):
-    @property
-    def lab_options(self):
-        return (*live.Live.lab_options, "--log", self.dir / "sent.jsonl")
-
-    def view(self, *options):
-        if "--listen" not in options:
-            options += ("--listen", "127.0.0.1:0")
-        process = self.start([bin_dir / "echofuse-view", self.run, *options], stdout=subprocess.PIPE,
+    def view(self, *options, of=None, listen="127.0.0.1:0"):
+        """Starts a viewer of the run, or of the folder `of`. Returns its address."""
+        process = self.start([bin_dir / "echofuse-view", of or self.run, *options, "--listen", listen], stdout=subprocess.PIPE,
                              stderr=subprocess.DEVNULL, text=True)
         return process.stdout.readline().strip()
 
     def open_again(self, *lab_options):
         (self.dir / "lab/lab.toml").unlink()
-        self.lab = self.start([bin_dir / "echofuse-sim", "lab", "--dir", self.dir / "lab", "--scene", "mixed", "--window",
-                               WINDOW_S, *self.lab_options, *lab_options], stdout=subprocess.DEVNULL,
-                              stderr=subprocess.DEVNULL)
-        wait_for("lab.toml", (self.dir / "lab/lab.toml").exists)
+        self.lab = self.start_lab(self.dir / "lab", *self.lab_options, "--log", self.dir / "sent.jsonl", *lab_options)
 
     def program(self, name, *words):
         """Runs a program in the folder of the test. Returns its output."""
-        return subprocess.run([bin_dir / f"echofuse-{name}", *map(str, words)], check=True, stdout=subprocess.PIPE,
-                              stderr=subprocess.DEVNULL, text=True, cwd=self.dir).stdout
-
-    def status(self):
-        return json.loads(self.program("acquire", "list", "--json", self.dir))["runs"]
-
-    def serve(self):
-        """Starts a viewer of the runs in the folder. Returns its address."""
-        process = self.start([bin_dir / "echofuse-view", self.dir, "--listen", "127.0.0.1:0"], stdout=subprocess.PIPE, text=True)
-        return process.stdout.readline().strip()
+        return call(self.dir, f"echofuse-{name}", *words)
 
     def test_viewer_follows_a_recording_that_continues_in_new_files(self):
         """`run --every` reports each new file, and the viewer follows the newest file. If the model file is invalid,
@@ -98,8 +67,9 @@ class LiveView(live.Live):
         self.assertTrue(client.until("run")["may_write"])
         first = client.until("record", lambda m: m["live"])["index"]
         client.until("record", lambda m: m["live"] and m["index"] > first)
+
         def here():
-            return [run for run in self.status() if run["path"] == str(self.run)]
+            return [run for run in json.loads(self.program("acquire", "list", "--json", self.dir))["runs"] if run["path"] == str(self.run)]
         self.assertEqual(len(here()), 1)
         wait_for("ok of the SPD", lambda: here()[0]["live"]["sensors"].get("spd", {}).get("verdict") == "ok")
         self.assertGreater(here()[0]["records"], 1)
@@ -133,19 +103,17 @@ class LiveView(live.Live):
         self.assertEqual(client.until("run")["window_s"], 0.1)
         for _ in range(5):
             client.until("record")
-        daemon.send_signal(signal.SIGINT)
-        log = self.finish(daemon)
-        self.assertEqual(daemon.returncode, 0, log)
+        log = self.finish(daemon, signal.SIGINT)
         folder = pathlib.Path(re.search(r"recording to (\S+)/align.sqlite", log)[1])
         self.assertFalse(folder.exists())
-        self.assertEqual(len(viewers_of(folder)), 1)
+        self.assertEqual(len(viewers_of(f"{folder}/")), 1)
         client.close()
-        wait_for("end of the viewer", lambda: not viewers_of(folder), 15)
+        wait_for("end of the viewer", lambda: not viewers_of(f"{folder}/"), 15)
 
     def test_fifty_viewers_do_not_disturb_a_live_run(self):
         """A run with 50 viewers and a client that never reads must have the same slots and losses as a run without
         viewers."""
-        log = self.finish(self.record("--count", str(RECORDS)), 60)
+        log = self.finish(self.record("--count", str(RECORDS)), timeout_s=60)
         alone = self.account(log)
         self.open_again()
         self.run = self.dir / "watched.sqlite"
@@ -164,7 +132,7 @@ class LiveView(live.Live):
                 pass
         for k in range(50):
             threading.Thread(target=look, args=(k,), daemon=True).start()
-        log = self.finish(daemon, 60)
+        log = self.finish(daemon, timeout_s=60)
         time.sleep(1)
         print(f"without viewers {alone}, viewer {processor_s(viewer):.1f} s of a core in {RECORDS * WINDOW_S:.0f} s, records per client {min(frames)} to "
               f"{max(frames)}", file=sys.stderr)

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Uses Chromium to test the viewer's web page with a simulated live run. Called as `tests/view/page.py BIN_DIR`.
-Exits with code 77 if Chromium is not installed."""
+"""Uses Chromium to test the viewer's web page with a simulated live run. Exits with code 77 if Chromium is not
+installed."""
 import os
 import pathlib
 import re
@@ -163,7 +163,7 @@ class Page(live_view.LiveView):
         viewer.terminate()
         self.assertEqual(viewer.wait(10), 0)
         self.wait("status of the page", lambda: "no connection" in self.text("status"))
-        self.view("--listen", address.split("/")[2], "--model", model)
+        self.view("--model", model, listen=address.split("/")[2])
         self.wait("page of the viewer started again", lambda: self.text("status").startswith("crashed at "))
 
         # The page must follow a new run that has the same name as the first run. In the new run, the laser is 500
@@ -181,9 +181,7 @@ class Page(live_view.LiveView):
         self.wait("event of the weak laser", lambda: "SPD: record" in self.text("events") and "weak: " in self.text("events"))
         self.wait("maps of the thumbnails", lambda: self.js(
             "return +document.querySelector('#sheet button:last-child').dataset.index") > 0)
-        daemon.send_signal(signal.SIGINT)
-        log = self.finish(daemon)
-        self.assertEqual(daemon.returncode, 0, log)
+        self.finish(daemon, signal.SIGINT)
         self.wait("end of the run", lambda: self.text("status").startswith("complete at "))
         # After the end, a lamp shows the verdict on the whole run.
         self.wait("verdict of the run", lambda: re.fullmatch(r"weak in \d+ of \d+ records", self.verdict("spd")))
@@ -206,7 +204,7 @@ class Page(live_view.LiveView):
     def test_web_page_works_behind_a_reverse_proxy(self):
         """Behind a reverse proxy, the page works below a path and reports an incomplete proxy configuration."""
         self.program("sim", "dataset", "--out", "scenes.sqlite", "--records", 8)
-        before = proxy.Proxy(self.serve())
+        before = proxy.Proxy(self.view(of=self.dir))
         self.addCleanup(before.close)
         self.browser.get(f"{before.address}/lab/")
         card = "return document.querySelector('.run h2')?.textContent"
@@ -231,7 +229,7 @@ class Page(live_view.LiveView):
         over all zones."""
         for name, side in ("nine", 3), ("one", 1):
             self.program("sim", "dataset", "--out", f"{name}.sqlite", "--people", 1, "--set", f"spd_zones={side}", "--set", "target_x_m=0")
-        address = self.serve()
+        address = self.view(of=self.dir)
         for name in "one", "nine":
             self.browser.get(address.replace("?", f"run/{name}/?"))
             self.wait("its record", lambda: self.js("return window.framesSeen ?? 0") > 0)
@@ -254,7 +252,7 @@ class Page(live_view.LiveView):
 
     def chooser(self, scenes):
         """Checks that clicking on a run in the list opens the run, and that a link leads back to the list."""
-        self.browser.get(self.serve())
+        self.browser.get(self.view(of=self.dir))
         cards = "return [...document.querySelectorAll('.run h2')].map(at => at.textContent)"
         self.wait("run in the list", lambda: self.js(cards) == [scenes.stem])
         words = self.js("return document.querySelector('.run').textContent")

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Uses Chromium to test the alerts, rates, sums, plan view and pixel values on the web page. Called as
-`tests/view/panels.py BIN_DIR TEST`. Exits with code 77 if Chromium is not installed."""
+"""Uses Chromium to test the alerts, rates, sums, plan view and pixel values on the web page. Exits with code 77 if
+Chromium is not installed."""
 import contextlib
 import re
 import signal
@@ -198,5 +198,4 @@ class Panels(page.Page):
         self.assertEqual(self.contrast_faults(), [])
 
 
-if __name__ == "__main__":
-    unittest.main(argv=[sys.argv[0], *(f"Panels.{name}" for name in sys.argv[2:])])
+unittest.main(argv=[sys.argv[0], *(f"Panels.{name}" for name in sys.argv[2:])])

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""A reverse proxy in front of the viewer, similar to nginx with proxy_pass. For /lab/, it forwards the headers
-required by the manual. For /plain/, it forwards only the default headers of nginx. For other paths, it returns its
-own 404 page."""
+"""A reverse proxy in front of the viewer, similar to nginx with proxy_pass. For /lab/, it forwards the headers required
+by the manual. For /plain/, it forwards only the default headers of nginx. For other paths, it returns its own 404 page."""
 import socket
 import threading
 import urllib.parse

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Tests echofuse-view with a finished run over real sockets. Called as `tests/view/server.py BIN_DIR [TEST]`."""
+"""Tests echofuse-view with a finished run over real sockets."""
 import base64
 import contextlib
 import hashlib

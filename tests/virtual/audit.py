@@ -61,5 +61,4 @@ class Audit(unittest.TestCase):
             self.assertIn(sensor + ":", " ".join(account["unexplained"]), name)
 
 
-if __name__ == "__main__":
-    unittest.main(argv=sys.argv[:1] + sys.argv[2:])
+unittest.main(argv=sys.argv[:1] + sys.argv[2:])
