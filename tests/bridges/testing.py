@@ -134,6 +134,19 @@ class Program:
         return tuple(map(int, re.search(r"sent (\d+) \w+ to (\d+) clients, and dropped (\d+)", self.said()).groups()))
 
 
+class Outlet:
+    """Replaces the server of the bridge and stores the blocks."""
+
+    def __init__(self):
+        self.blocks, self.lost, self.dropped = [], 0, 0
+
+    def send(self, kind, payload, items):
+        self.blocks.append((kind, bytes(payload), items))
+
+    def lose(self, items):
+        self.lost += items
+
+
 def ended(script, *arguments, code=4, **env):
     """Runs a bridge that ends by itself with the exit code `code`. Returns its messages."""
     with Program(script, *arguments, **env) as program:

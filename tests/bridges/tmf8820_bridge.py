@@ -165,7 +165,7 @@ class Recording(unittest.TestCase):
             place = pathlib.Path(folder)
             (place / "log.txt").write_text("".join(measurement(body(k), k) for k in range(50)), encoding="utf-8")
             with Program("tmf8820.py", "--replay", place / "log.txt", "--exposure", "0.05") as chip, \
-                    Program(here / "own_camera.py", path=f"{root}/scripts/bridges:{here}") as camera:
+                    Program(here / "own_devices.py", "camera", path=f"{root}/scripts/bridges:{here}") as camera:
                 config = testing.config(place / "lab.toml", tdc=chip, depth=camera)
                 run_program("echofuse-acquire", "run", "--config", config, "--out", place / "run", "--count", SLOTS)
                 self.assertIn("; zones ", run_program("echofuse-acquire", "doctor", "--config", config))
