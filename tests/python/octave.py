@@ -3,6 +3,7 @@
 """tests/python/octave.py BIN_DIR: runs the MATLAB example of recon/PYTHON.md in Octave, on an exported run. Octave in Debian 12
 has no h5read, so a function based on h5py replaces it. The test checks the names and the order of the array dimensions, and
 that Octave's load() can read the complete file. It does not check MATLAB itself."""
+import contextlib
 import pathlib
 import re
 import shutil
@@ -44,11 +45,9 @@ with tempfile.TemporaryDirectory(prefix="octave-") as name:
     (folder / "manual.m").write_text(example + "\nprintf('%d ', size(spd), sum(spd(:)), ps(2) - ps(1), size(depth_m)); printf('\\n');\n"
                                      "run = load('monday.h5');\nprintf('%d ', size(run.entry.data.spd)); printf('%s\\n', run.entry.status);\n")
     said = subprocess.run([octave, "--no-gui", "-q", "manual.m"], cwd=folder, text=True, capture_output=True, timeout=100)
-    db = sqlite3.connect(run)
-    counts = sum(int.from_bytes(blob[i:i + 4], "little") for blob, in db.execute("SELECT spd FROM record")
-                 for i in range(0, len(blob), 4))
-    bins, step = db.execute("SELECT count, step FROM axis WHERE name = 'spd'").fetchone()
-    db.close()
+    with contextlib.closing(sqlite3.connect(run)) as db:
+        counts = sum(int.from_bytes(blob[i:i + 4], "little") for blob, in db.execute("SELECT spd FROM record") for i in range(0, len(blob), 4))
+        bins, step = db.execute("SELECT count, step FROM axis WHERE name = 'spd'").fetchone()
 wanted = f"{bins} 12 {counts} {step:g} 64 64 12 {bins} 12 complete"
 if said.returncode or wanted not in " ".join(said.stdout.split()):
     sys.exit(f"octave: expected {wanted}, got {said.stdout} {said.stderr}")

@@ -11,11 +11,7 @@ from echofuse.bench import derive
 from echofuse.runs import antennas
 from fixtures import BIN, json_of, outcome, program
 
-ACQUIRE = str(BIN / "echofuse-acquire")
-
-
-def write(path, **arrays):
-    return echofuse.write_run(path, program=ACQUIRE, **arrays)
+write = echofuse.write_run
 
 
 def imported(folder, toml="", **how):
@@ -137,11 +133,11 @@ def test_write_run_refuses_the_name_of_a_folder(tmp_path, monkeypatch, name):
 def test_annotate_refuses_a_run_that_has_been_replaced(tmp_path):
     run = write(tmp_path / "own", spd=np.ones((3, 5)))
     with pytest.raises(RuntimeError, match="the note is empty"):
-        echofuse.annotate(run, " ", program=ACQUIRE)
+        echofuse.annotate(run, " ")
     (tmp_path / "own.sqlite").unlink()
     write(tmp_path / "own", spd=np.ones((3, 5)))
     with pytest.raises(ValueError, match="contains another run"):
-        echofuse.annotate(run, "late", program=ACQUIRE)
+        echofuse.annotate(run, "late")
     assert "late" not in str(echofuse.open(run.path).events())
 
 
@@ -214,15 +210,6 @@ def test_import_refuses_a_truncated_npy_file(tmp_path, cut):
     assert code == 1 and "spd.npy: " in said and said.count("\n") == 1
 
 
-def test_import_stores_the_response_from_run_toml_and_ignores_lab_toml(tmp_path):
-    np.save(tmp_path / "radar.npy", np.ones((3, 5)))
-    (tmp_path / "lab.toml").write_text("not TOML")
-    imported(tmp_path, '[radar]\ncell_m = 0.04996540967\ntaps = "1 0.9 0.5 0.2"\n[spd]\nirf_fwhm_ps = 1234.56789\n', cwd=tmp_path)
-    meta = echofuse.open(tmp_path / "own.sqlite").meta
-    assert (meta["radar_cell_m"], meta["radar_taps"]) == ("0.04996540967", "1 0.9 0.5 0.2")
-    assert meta["irf_fwhm_ps"] == "1234.56789"
-
-
 def events(run):
     return [text for _, _, source, text in run.events() if source == "import"]
 
@@ -254,11 +241,9 @@ def test_imported_records_get_the_same_verdicts_as_live_records(tmp_path):
 
 @pytest.mark.parametrize("unit", [1e-12, 1e-3, 1e6])
 def test_verdicts_do_not_depend_on_the_unit_of_radar_power(tmp_path, unit):
-    arrays = scene()
-    arrays["radar"] = arrays["radar"] * unit
-    assert verdicts(write(tmp_path / "good", **arrays), "radar") == ["ok"] * 12
-    frozen = {**arrays, "radar": np.repeat(arrays["radar"][:1], 12, 0)}
-    assert verdicts(write(tmp_path / "frozen", **frozen), "radar") == ["ok"] + ["stands still"] * 11
+    power = scene()["radar"] * unit
+    assert verdicts(write(tmp_path / "good", radar=power), "radar") == ["ok"] * 12
+    assert verdicts(write(tmp_path / "frozen", radar=np.repeat(power[:1], 12, 0)), "radar") == ["ok"] + ["stands still"] * 11
 
 
 def with_marker(counts):
@@ -373,13 +358,6 @@ def test_small_maps_keep_their_size_in_training_and_evaluation(tmp_path, size):
     assert echofuse.load_maps(maps)[0].shape == (40, size, size)
     metrics = json_of("echofuse-recon", "-q", "evaluate", model, run.path)["metrics"]
     assert metrics["iou"]["mean"] >= 0 and metrics["ssim"]["mean"] is None
-
-
-def test_sensor_without_an_imported_array_has_the_verdict_not_configured(tmp_path):
-    run = write(tmp_path / "own", spd=scene()["spd"], began="2024-02-07")
-    info = json_of("echofuse-acquire", "info", run.path)
-    assert info["verdicts"]["radar"] == info["verdicts"]["depth"] == {"not configured": 12}
-    assert info["doubtful"] == 0 and not info["doubts"]
 
 
 def test_split_uses_the_sensors_of_the_run_and_names_missing_data_if_no_record_remains(tmp_path):

@@ -15,9 +15,8 @@ from echofuse.bench import derive, letters, stability
 from echofuse.bench.methods import call
 from echofuse.bench.table import content_hash
 from echofuse.models.model import read_safetensors
-from fixtures import BIN, change, changed, executable, made, program, scenes
+from fixtures import change, changed, executable, made, program, scenes
 
-os.environ["ECHOFUSE_BIN"] = str(BIN)
 
 
 @pytest.fixture

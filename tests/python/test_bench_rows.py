@@ -16,7 +16,6 @@ from echofuse import bench
 from echofuse.bench import stability
 from fixtures import BIN, executable, program, scenes
 
-os.environ["ECHOFUSE_BIN"] = str(BIN)
 
 METHOD = """
 import numpy as np

@@ -17,13 +17,13 @@ import pytest
 import echofuse
 from echofuse.export import export
 from echofuse.runs import grid, run_files
-from fixtures import BIN, change, json_of, outcome, program
+from fixtures import BIN, change, changed, json_of, outcome, program, scenes
 
 
 @pytest.fixture(scope="session")
 def folder(tmp_path_factory):
     made = tmp_path_factory.mktemp("runs")
-    program("echofuse-sim", "dataset", "-q", "--out", made / "monday.sqlite", "--records", 60)
+    shutil.copy(scenes(60), made / "monday.sqlite")
     return made
 
 
@@ -68,9 +68,7 @@ def test_hdf5_export_of_selected_records_has_their_labels_and_times(folder):
 
 
 def test_record_without_data_from_a_sensor_is_marked_as_invalid_for_that_sensor(folder, tmp_path):
-    path = tmp_path / "lost.sqlite"
-    path.write_bytes((folder / "monday.sqlite").read_bytes())
-    change(path, "no SPD and radar data in record ?1", 7)
+    path = changed(folder / "monday.sqlite", tmp_path / "lost.sqlite", "no SPD and radar data in record ?1", 7)
     run = echofuse.open(path)
     assert not run.valid["radar"][7] and run.valid["radar"].sum() == 59
     assert np.isnan(run.radar[7]).all() and not np.isnan(run.radar[8]).any()
@@ -193,8 +191,8 @@ def open_run(folder, path):
 
 
 def killed_run(folder, path, records):
-    """Creates the files left by kill -9: an open run, and its -wal file with `records` additional
-    records. The run stores the key that identifies the -wal file."""
+    """Creates the files left by kill -9: an open run, and its -wal file with `records` additional records and the key of the
+    run."""
     live = path.with_suffix(".live")
     with closing(open_run(folder, live)) as db:
         change(db, "run of the program version ?1", "killed")  # creates the -wal
@@ -265,8 +263,7 @@ def test_copy_of_a_crashed_run_without_its_wal_file_has_status_crashed_no_wal(fo
 
 
 def another_run(folder, path, files):
-    """Creates a run at `path` with the side files left by a killed program: -wal and -shm, or a hot
-    -journal."""
+    """Creates a run at `path` with the side files left by a killed program: -wal and -shm, or a hot -journal."""
     path.write_bytes((folder / "monday.sqlite").read_bytes())
     mode = "WAL" if "-wal" in files else "DELETE"
     kill = (f"import os, sqlite3; db = sqlite3.connect({str(path)!r}); db.execute('PRAGMA journal_mode={mode}');"
@@ -297,7 +294,7 @@ def test_wal_and_journal_files_of_a_closed_run_are_ignored_with_a_warning(folder
 def test_closing_a_connection_keeps_the_locks_of_other_connections(folder, tmp_path):
     """SQLite uses POSIX locks, which a process loses when it closes any descriptor of the file."""
     path = tmp_path / "live.sqlite"
-    path.write_bytes((folder / "monday.sqlite").read_bytes())
+    shutil.copy(folder / "monday.sqlite", path)
     with closing(sqlite3.connect(path)) as db:
         db.execute("PRAGMA journal_mode = WAL")
         change(db, "status of the run", "open")
@@ -322,7 +319,7 @@ def test_all_programs_map_a_run_name_with_a_dot_to_the_same_file(folder, tmp_pat
 
 def test_open_accepts_the_tables_of_sqlite_analyze(folder, tmp_path):
     path = tmp_path / "a.sqlite"
-    path.write_bytes((folder / "monday.sqlite").read_bytes())
+    shutil.copy(folder / "monday.sqlite", path)
     with closing(sqlite3.connect(path)) as db:
         db.executescript("CREATE INDEX i ON record (label); ANALYZE; DROP INDEX i")
     assert echofuse.open(path).tables == echofuse.open(folder / "monday").tables

@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: MIT
 """Tests echofuse-export, which writes runs as HDF5, netCDF or CSV."""
+import functools
 import os
 import shutil
 import signal
-import sqlite3
 import subprocess
 import time
-from contextlib import closing
 
 import numpy as np
 import pytest
@@ -16,10 +15,9 @@ from echofuse.runs import antennas, batches as blocks
 from echofuse.runs import staged as staging
 from echofuse.export.command import export
 from echofuse.runs.run_files import NULL_INTEGER
-from fixtures import BIN, change, changed, plates, program
+from fixtures import BIN, change, changed, plates, program, query, scenes
 
 h5py = pytest.importorskip("h5py")
-ACQUIRE = str(BIN / "echofuse-acquire")
 
 
 def tool(*words, env=None, prefix=()):
@@ -36,13 +34,12 @@ def runs(tmp_path_factory):
     spd[3] = np.nan
     depth = rng.uniform(1, 4, (20, 6, 6))
     depth[:, 0, 0] = np.nan
-    echofuse.write_run(folder / "own", program=ACQUIRE, spd=spd, first_bin_ps=13343, bin_width_ps=100,
+    echofuse.write_run(folder / "own", spd=spd, first_bin_ps=13343, bin_width_ps=100,
                        radar=rng.uniform(1, 2, (20, 4)), first_m=0.5, depth_m=depth, labels=[f"person {i}" for i in range(20)])
     bad = np.array([1, np.nan, 1, 1], "<f4")
     change(folder / "own.sqlite", "radar data of record ?1", 9, bad.tobytes())
     change(folder / "own.sqlite", "histogram of two bytes in record ?1", 7)
-    program("echofuse-sim", "dataset", "-q", "--out", folder / "far.sqlite", "--records", 8, "--set", "radar_antennas=8",
-            "--set", "radar_sum=coherent", "--set", "radar_frames=20")
+    shutil.copy(scenes(8, 1, "--set", "radar_antennas=8", "--set", "radar_sum=coherent", "--set", "radar_frames=20"), folder / "far.sqlite")
     program("echofuse-acquire", "annotate", folder / "far.sqlite", "door open, µ")
     for kind in "one_pixel", "nine_zones":
         shutil.copy(plates(kind, 20), folder / f"{kind}.sqlite")
@@ -82,12 +79,13 @@ def test_hdf5_export_contains_the_arrays_and_marks_unreadable_records(runs, tmp_
 def test_hdf5_export_contains_every_table_of_the_run_with_units(runs, tmp_path, name):
     assert export(echofuse.open(runs / name), tmp_path / "a.h5") == (2 if name == "own" else 0)
     columns = 0
-    with h5py.File(tmp_path / "a.h5") as file, closing(sqlite3.connect(runs / f"{name}.sqlite")) as db:
-        for table, in db.execute("SELECT name FROM sqlite_schema WHERE type = 'table'").fetchall():
-            for column, kind in db.execute(f"SELECT name, type FROM pragma_table_info('{table}') WHERE type != 'BLOB'").fetchall():
+    ask = functools.partial(query, runs / f"{name}.sqlite")
+    with h5py.File(tmp_path / "a.h5") as file:
+        for table, in ask("SELECT name FROM sqlite_schema WHERE type = 'table'"):
+            for column, kind in ask(f"SELECT name, type FROM pragma_table_info('{table}') WHERE type != 'BLOB'"):
                 stored = file[f"entry/tables/{table}/{column}"]
                 null = {"INTEGER": NULL_INTEGER, "REAL": np.nan, "TEXT": ""}[kind]
-                wanted = [null if value is None else value for value, in db.execute(f'SELECT "{column}" FROM "{table}" ORDER BY rowid')]
+                wanted = [null if value is None else value for value, in ask(f'SELECT "{column}" FROM "{table}" ORDER BY rowid')]
                 found = stored.asstr()[:].tolist() if kind == "TEXT" else stored[:]
                 np.testing.assert_array_equal(found, np.array(wanted, stored.dtype) if kind != "TEXT" else wanted)
                 assert kind == "TEXT" or stored.attrs["units"]
@@ -360,7 +358,7 @@ def test_export_to_a_full_disk_leaves_no_file(runs, tmp_path, name, kib):
 
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
 def test_interrupted_export_leaves_no_file_and_can_be_repeated(runs, tmp_path, how):
-    echofuse.write_run(tmp_path / "long", program=ACQUIRE, spd=np.ones((5000, 64)), radar=np.ones((5000, 16)))
+    echofuse.write_run(tmp_path / "long", spd=np.ones((5000, 64)), radar=np.ones((5000, 16)))
     files = lambda: {name for name in os.listdir(tmp_path) if not name.startswith("long")}  # noqa: E731
     process = subprocess.Popen([BIN / "echofuse-export", tmp_path / "long", "--to", tmp_path / "a.h5"], stderr=subprocess.DEVNULL,
                                env={**os.environ, "TMPDIR": str(tmp_path)})

@@ -1,15 +1,11 @@
 # SPDX-License-Identifier: MIT
 """Compares the fog simulation of echofuse-bench with analytic results and published values."""
-import os
-
 import numpy as np
 import pytest
 
 from echofuse.bench import derive, fog, stability
 from echofuse.runs.run import PS_PER_M
-from fixtures import BIN
 
-os.environ["ECHOFUSE_BIN"] = str(BIN)
 SETTINGS = {"half_tangent": 0.55, "spd_field": 1, "spd_falloff": 0, "signal_photons": 1e5,
             "background_counts": 0, "pulses_per_window": 0, "bin_width_ps": 100,
             "first_bin_ps": 13343, "spd_delay_ps": 0}

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import echofuse
-from fixtures import change, json_of, outcome, plates, program
+from fixtures import change, json_of, outcome, plates, program, scenes
 
 # Simulator settings of each run, by run name.
 RUNS = {
@@ -42,8 +42,7 @@ def stated(path, taps, cell_m=0.3):
 
 
 def as_the_daemon_writes(path):
-    """Adds noise to the radar power as the daemon stores it for TI's boards, and appends five range
-    bins beyond the model axis."""
+    """Adds noise to the radar power as the daemon stores it for TI's boards, and appends five range bins beyond the model axis."""
     run = echofuse.open(path)
     power = np.pad(run.radar + 3, ((0, 0), (0, 5)), mode="edge").astype("<f4")
     change(path, "radar power includes the noise")
@@ -57,7 +56,7 @@ def runs(tmp_path_factory):
     folder = tmp_path_factory.mktemp("method")
     for name, settings in RUNS.items():
         words = [word for setting in settings for word in ("--set", setting)]
-        program("echofuse-sim", "dataset", "-q", "--out", folder / f"{name}.sqlite", "--records", 60, *words)
+        shutil.copyfile(scenes(60, 1, *words), folder / f"{name}.sqlite")
     for name in ("calibrated", "antennas"):
         for sensor, offset_m in (("spd", 0.031), ("radar", 0.087)):
             change(folder / f"{name}.sqlite", "offset ?2 of the sensor ?1", sensor, offset_m)

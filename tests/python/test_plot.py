@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: MIT
 """Tests echofuse.plot with simulated runs and with result tables of echofuse-bench."""
+import shutil
 import types
 
 import numpy as np
@@ -9,17 +10,21 @@ pytest.importorskip("matplotlib")
 import echofuse
 from echofuse import plot
 from echofuse.plot import figures
-from fixtures import program
+from fixtures import model, scenes
 
 
 @pytest.fixture(scope="session")
 def folder(tmp_path_factory):
     made = tmp_path_factory.mktemp("plots")
-    for seed, (name, number) in enumerate({"train": 120, "test": 20}.items()):
-        program("echofuse-sim", "dataset", "-q", "--out", made / f"{name}.sqlite", "--records", number, "--seed", seed)
-    program("echofuse-sim", "dataset", "-q", "--out", made / "wide.sqlite", "--records", 1, "--set", "radar_antennas=8")
-    program("echofuse-recon", "train", "-q", made / "train.sqlite", "--model", "mlp-8", "--epochs", 3, "--out", made / "mlp.safetensors")
+    shutil.copy(scenes(20), made / "test.sqlite")
+    shutil.copy(scenes(1, 1, "--set", "radar_antennas=8"), made / "wide.sqlite")
+    shutil.copy(model("mlp-8", scenes(120, 2), "--epochs", 3), made / "mlp.safetensors")
     return made
+
+
+def table(path, head, rows):
+    path.write_text("\n".join([*head.split("; "), *rows, ""]))
+    return path
 
 
 def written(figure, path):
@@ -79,12 +84,11 @@ def test_plot_functions_draw_into_given_axes(folder):
 
 
 def test_pareto_chart_gives_each_model_its_own_colour(folder):
-    head = "# study pareto\naxis,value,model,inputs,machine,seed,iou,lateral_m,multiply_adds,infer_us_median\n"
-    rows = [f"model,1,factorised-{k},fused,m,{s},{0.58 + 0.001 * k + 0.01 * s},{0.03 + 0.001 * k},{40000 + 900 * k},{8 + 0.1 * k}\n"
+    head = "# study pareto; axis,value,model,inputs,machine,seed,iou,lateral_m,multiply_adds,infer_us_median"
+    rows = [f"model,1,factorised-{k},fused,m,{s},{0.58 + 0.001 * k + 0.01 * s},{0.03 + 0.001 * k},{40000 + 900 * k},{8 + 0.1 * k}"
             for k in range(8) for s in (1, 2)]
-    rows += [f"records,0.5,factorised-1,fused,m,{s},0.4,0.05,40000,8\n" for s in (1, 2)]
-    (folder / "pareto.csv").write_text(head + "".join(rows))
-    figure = plot.pareto(folder / "pareto.csv", bound_m=0.014)
+    rows += [f"records,0.5,factorised-1,fused,m,{s},0.4,0.05,40000,8" for s in (1, 2)]
+    figure = plot.pareto(table(folder / "pareto.csv", head, rows), bound_m=0.014)
     assert len(figure.axes) == 3
     front = next(line for line in figure.axes[0].lines if line.get_label() == "Pareto front")
     assert len(front.get_xdata()) == 8 and (np.diff(front.get_ydata()) > 0).all()
@@ -94,43 +98,38 @@ def test_pareto_chart_gives_each_model_its_own_colour(folder):
     ticks = [label.get_text() for label in figure.axes[1].get_xticklabels() if label.get_text()]
     assert "40 000" in ticks and not any("$" in tick for tick in ticks)
     assert not any("not shown" in text.get_text() for text in figure.axes[0].texts)
-    failed = "".join(f"model,1,{name},fused,m,1,{iou},nan,40000,8\n" for name, iou in (("wrong", "0.002"), ("broken", "nan")))
-    (folder / "failed.csv").write_text(head + "".join(rows) + failed)
-    texts = [text.get_text() for text in plot.pareto(folder / "failed.csv", bound_m=0.014).axes[0].texts]
+    failed = [f"model,1,{name},fused,m,1,{iou},nan,40000,8" for name, iou in (("wrong", "0.002"), ("broken", "nan"))]
+    texts = [text.get_text() for text in plot.pareto(table(folder / "failed.csv", head, rows + failed), bound_m=0.014).axes[0].texts]
     assert "not shown (IoU below 0.01): wrong, broken" in texts
 
 
+def stability(folder, axis, scores):
+    """Plots two seeds of two models with the given scores, by condition."""
+    rows = [f"{'base' if value == 'base' else axis},{value},{model},fused,-,{seed},{iou}" for value, both in scores.items()
+            for model, iou in zip(("factorised", "nearest"), both) for seed in (1, 2)]
+    return plot.stability(table(folder / "stability.csv", "# study stability; axis,value,model,inputs,machine,seed,iou", rows), axis, base="0").axes[0]
+
+
+def crosses(ax):
+    return [line.get_xdata().tolist() for line in ax.lines if line.get_marker() == "x"]
+
+
 def test_stability_chart_marks_points_below_the_best_baseline(folder):
-    head = "# study stability\naxis,value,model,inputs,machine,seed,iou\n"
-    scores = {"base": (0.6, 0.2), "0.1": (0.5, 0.2), "0.2": (0.1, 0.2)}
-    rows = [f"{'base' if value == 'base' else 'shifted-x'},{value},{model},{inputs},-,{seed},{iou}\n" for value, both in scores.items()
-            for (model, inputs), iou in zip((("factorised", "fused"), ("nearest", "fused")), both) for seed in (1, 2)]
-    (folder / "stability.csv").write_text(head + "".join(rows))
-    ax = plot.stability(folder / "stability.csv", "shifted-x", base="0").axes[0]
+    ax = stability(folder, "shifted-x", {"base": (0.6, 0.2), "0.1": (0.5, 0.2), "0.2": (0.1, 0.2)})
     assert [label.get_text() for label in ax.get_xticklabels()] == ["0", "0.1", "0.2"]
-    assert ax.get_xlabel() == "shifted-x"
-    crosses = [line for line in ax.lines if line.get_marker() == "x"]
-    assert len(crosses) == 1 and crosses[0].get_xdata().tolist() == [2]
+    assert ax.get_xlabel() == "shifted-x" and crosses(ax) == [[2]]
 
 
 def test_stability_chart_states_that_its_steps_are_not_to_scale(folder):
-    rows = [f"shifted-x,{value},factorised,fused,-,1,0.5\n" for value in ("0.1", "0.2", "0.8")]
-    (folder / "steps.csv").write_text("# study stability\naxis,value,model,inputs,machine,seed,iou\n" + "".join(rows))
-    ax = plot.stability(folder / "steps.csv", "shifted-x", base="0").axes[0]
+    ax = stability(folder, "shifted-x", {value: (0.5, 0.2) for value in ("0.1", "0.2", "0.8")})
     assert ax.get_xlabel() == "shifted-x (steps are not to scale)"
 
 
 def test_stability_chart_draws_bars_for_conditions_that_are_not_numbers(folder):
-    head = "# study stability\naxis,value,model,inputs,machine,seed,iou\n"
-    rows = [f"{'base' if room == 'base' else 'matched-rooms'},{room},{model},fused,-,{seed},{iou}\n"
-            for room, level in (("base", 0.6), ("corridor", 0.1)) for model, iou in (("factorised", level), ("nearest", 0.2))
-            for seed in (1, 2)]
-    (folder / "rooms.csv").write_text(head + "".join(rows))
-    ax = plot.stability(folder / "rooms.csv", "matched-rooms").axes[0]
+    ax = stability(folder, "matched-rooms", {"base": (0.6, 0.2), "corridor": (0.1, 0.2)})
     assert [bar.get_height() for bar in ax.containers[1]] == [0.6, 0.1]
     assert not [line for line in ax.lines if line.get_linestyle() == "-" and len(line.get_xdata()) > 1]
-    crosses = [line for line in ax.lines if line.get_marker() == "x"]
-    assert len(crosses) == 1 and crosses[0].get_xdata().tolist() == [1]
+    assert crosses(ax) == [[1]]
 
 
 def test_plots_are_displayed_in_a_notebook(folder):

@@ -5,6 +5,7 @@ import base64
 import csv
 import json
 import os
+import shutil
 import signal
 import subprocess
 import time
@@ -19,11 +20,9 @@ from echofuse.bench import derive
 from echofuse.report import blocks
 from echofuse.report import scores
 from echofuse.report import tables
-from echofuse.report.scores import Count, Means, Mean, ReportModel, Scores, sensors_of
+from echofuse.report.scores import Count, Evaluation, Means, Mean, ReportModel, Scores, sensors_of
 from fixtures import BIN, change, changed, json_of, model, outcome, program, scenes
 
-BIN = BIN.resolve()
-os.environ["ECHOFUSE_BIN"] = str(BIN)
 
 
 def report(*words):
@@ -88,12 +87,12 @@ def test_all_programs_widen_the_intervals_of_a_run_that_differs_by_the_same_fact
 def here(tmp_path_factory):
     """Creates a training run, a test run, and models that use both sensors, one sensor or no sensor. One model is trained with
     two seeds."""
-    made = tmp_path_factory.mktemp("report")
-    for name, records, seed in (("run", 160, 1), ("fresh", 60, 8)):
-        program("echofuse-sim", "dataset", "-q", "--out", made / f"{name}.sqlite", "--records", records, "--seed", seed)
-    for name, *words in (("fused", "ridge"), ("spd", "ridge", "--inputs", "spd"), ("radar", "ridge", "--inputs", "radar"), ("body", "mean-shape"),
-                         ("mean", "mean"), ("again", "ridge", "--seed", "2"), ("paper", "paper", "--inputs", "spd", "--epochs", "2")):
-        program("echofuse-recon", "train", "-q", made / "run.sqlite", "--set", "fallback=false", "--out", made / name, "--model", *words)
+    made, run = tmp_path_factory.mktemp("report"), scenes(160)
+    shutil.copy(run, made / "run.sqlite")
+    shutil.copy(scenes(60, 8), made / "fresh.sqlite")
+    for name, kind, *words in (("fused", "ridge"), ("spd", "ridge", "--inputs", "spd"), ("radar", "ridge", "--inputs", "radar"), ("body", "mean-shape"),
+                               ("mean", "mean"), ("again", "ridge", "--seed", 2), ("paper", "paper", "--inputs", "spd", "--epochs", 2)):
+        shutil.copy(model(kind, run, "--set", "fallback=false", *words), made / name)
     changed(made / "fresh.sqlite", made / "frozen.sqlite", "frozen camera in the records from ?1 to ?2", 0, 59)
     return made
 
@@ -177,10 +176,7 @@ def test_report_groups_models_by_their_inputs(here, tmp_path):
 
 
 def test_report_scores_all_models_on_records_that_have_every_sensor(here, tmp_path):
-    def some(records):
-        records.lost["radar"][::4] = True
-
-    derive.copy(here / "fresh.sqlite", tmp_path / "some.sqlite", some)
+    derive.copy(here / "fresh.sqlite", tmp_path / "some.sqlite", lambda records: records.lost["radar"].__setitem__(slice(None, None, 4), True))
     dark = derive.copy(here / "fresh.sqlite", tmp_path / "dark.sqlite", derive.lost("radar"), lambda r: r.keep.__setitem__(slice(5, None), False))
     program("echofuse-recon", "train", "-q", here / "run.sqlite", "--model", "ridge", "--out", tmp_path / "both")
     code, said = report(tmp_path, "--run", tmp_path / "some.sqlite", "--model", tmp_path / "both", here / "spd", here / "radar", "--live", dark)
@@ -215,10 +211,7 @@ def test_report_describes_a_run_without_a_model_or_compares_two_models(here, tmp
 
 
 def test_report_shows_the_records_without_data_from_a_sensor(here, tmp_path):
-    def lose(records):
-        records.lost["radar"][40:] = True
-
-    lost = derive.copy(here / "fresh.sqlite", tmp_path / "lost.sqlite", lose)
+    lost = derive.copy(here / "fresh.sqlite", tmp_path / "lost.sqlite", lambda records: records.lost["radar"].__setitem__(slice(40, None), True))
     change(lost, "verdict ?1 of the radar in records without radar data", "no frames")
     code, said = report(tmp_path, "--live", lost)
     assert code == 0 and "40 with all three sensors; 20 of 60 doubtful: radar no frames 20." in said
@@ -252,8 +245,6 @@ def test_report_states_why_a_record_cannot_be_read(here, tmp_path):
 
 
 def test_report_on_a_full_disk_or_after_sigterm_leaves_no_files(here, tmp_path):
-    """If the disk is full, or after SIGTERM, partial files and scratch folders are deleted. A symbolic link at the path
-    of the partial file is not followed."""
     (tmp_path / "scratch").mkdir()
     words, env = [BIN / "echofuse-report", tmp_path / "page", "--live", here / "fresh.sqlite"], os.environ | {"TMPDIR": str(tmp_path / "scratch")}
     full = subprocess.run(["sh", "-c", "ulimit -f 40; exec \"$@\"", "sh", *words], capture_output=True, text=True, env=env)
@@ -296,8 +287,7 @@ def test_report_refuses_invalid_arguments_with_a_one_line_error(here, tmp_path, 
 
 
 def test_report_of_another_run_is_overwritten_only_with_force(here, tmp_path):
-    assert report(tmp_path, "--live", here / "fresh.sqlite")[0] == 0
-    assert report(tmp_path, "--live", here / "fresh.sqlite")[0] == 0
+    assert [report(tmp_path, "--live", here / "fresh.sqlite")[0] for _ in range(2)] == [0, 0]
     code, said = report(tmp_path, "--live", here / "run.sqlite")
     assert code == 2 and f"{tmp_path}: contains a report of another run; give another folder, or --force to overwrite it" in said
     assert report(tmp_path, "--live", here / "run.sqlite", "--force")[0] == 0
@@ -320,8 +310,6 @@ def mode_of(name, kind, iou, rmse_m, **columns):
 
 
 def judged_of(**baselines):
-    from echofuse.report.scores import Evaluation
-
     trivial = {name: {"iou": {"mean": iou, "se": 0.0, "maps": 20}} for name, iou in baselines.items()}
     return Evaluation([], {"trivial": trivial}, "")
 

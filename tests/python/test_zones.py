@@ -11,15 +11,11 @@ import echofuse
 from echofuse.bench import derive
 from echofuse.models.photon_baselines import FirstReturn
 from echofuse.runs import zones
-from fixtures import BIN, changed, model, outcome, plates
+from fixtures import changed, model, outcome, plates
 
 ROOT = pathlib.Path(__file__).parents[2]
-ACQUIRE = str(BIN / "echofuse-acquire")
+write = echofuse.write_run
 TWO = [zones.Zone(-0.17, 0.02, 0.3, 1100.0), zones.Zone(0.17, 0.02, 0.3, 1000.5)]
-
-
-def write(path, **arrays):
-    return echofuse.write_run(path, program=ACQUIRE, **arrays)
 
 
 def counts(records=3, histograms=2, bins=30):
