@@ -3,13 +3,12 @@
 """Records a run with a simulated radar that sends antenna samples. Checks that every frame arrives complete, and that
 each record contains the statistics of its frames. The expected statistics are computed from the raw bytes."""
 import json
-import math
-import sqlite3
 import struct
-import subprocess
+
+import numpy as np
 
 from case import Case, bin_dir, main, source
-from fixtures import crc32c
+from fixtures import crc32c, query
 import waiting
 
 cfg = source / "config/radar/xwr68xx_azimuth_50cm.cfg"
@@ -20,21 +19,19 @@ VALUES = ANTENNAS * ANTENNAS + 2 * ANTENNAS + 2
 
 
 def frames_of(raw):
-    """Returns a dictionary that maps each frame number to the frame bytes and the antenna samples of the kept range
-    bins."""
+    """Returns a dictionary that maps each frame number to the frame bytes and the antenna samples [bin, antenna] of the kept
+    range bins."""
     frames, place = {}, raw.find(MAGIC)
-    while place >= 0:
-        size, number, tlvs = (struct.unpack_from("<I", raw, place + at)[0] for at in (12, 20, 32)) \
-            if place + 40 <= len(raw) else (0, 0, 0)
-        if size < 40 or place + size > len(raw):
-            break
+    while place >= 0 and place + 40 <= len(raw):
+        size, number, tlvs = (struct.unpack_from("<I", raw, place + at)[0] for at in (12, 20, 32))
         frame, at, samples = raw[place:place + size], 40, None
+        if len(frame) < size or size < 40:
+            break
         for _ in range(tlvs):
             kind, length = struct.unpack_from("<II", frame, at)
             if kind == 4:
-                parts = struct.unpack_from(f"<{length // 2}h", frame, at + 8)
-                assert length == 4 * BINS * ANTENNAS
-                samples = [complex(re, im) for im, re in zip(parts[::2], parts[1::2])][:KEPT * ANTENNAS]
+                parts = np.frombuffer(frame, "<i2", length // 2, at + 8).reshape(BINS, ANTENNAS, 2).astype(float)
+                samples = (parts[..., 1] + 1j * parts[..., 0])[:KEPT]
             at += 8 + length
         frames[number] = frame, samples
         place = raw.find(MAGIC, place + size)
@@ -42,59 +39,52 @@ def frames_of(raw):
 
 
 def unpacked(blob):
-    """Yields the power and the statistics of each range bin. Most statistics are relative to the power of the bin.
-    The means are relative to the square root of the power."""
-    size = 4 + 2 * VALUES
-    assert len(blob) == KEPT * size
-    for start in range(0, len(blob), size):
-        yield struct.unpack_from("<f", blob, start)[0], [v / 32767 for v in struct.unpack_from(f"<{VALUES}h", blob, start + 4)]
+    """Returns the power and the statistics of each range bin. Most statistics are relative to the power of the bin. The means
+    are relative to the square root of the power."""
+    bins = np.frombuffer(blob, [("power", "<f4"), ("values", "<i2", VALUES)])
+    assert len(bins) == KEPT
+    return bins["power"], bins["values"] / 32767
 
 
-def statistics(frames, numbers, b):
-    """Computes the power and the statistics of one range bin from its frames."""
-    bins = [[frames[n][1][b * ANTENNAS + m] for m in range(ANTENNAS)] for n in numbers]
-    power = sum(abs(x) ** 2 for frame in bins for x in frame) / len(bins)
-    root = math.sqrt(power) or 1
-    covariance = [[sum(f[m] * f[n].conjugate() for f in bins) / len(bins) / (power or 1) for n in range(ANTENNAS)]
-                  for m in range(ANTENNAS)]
-    pairs = [(a, z) for (i, a), (j, z) in zip(zip(numbers, bins), list(zip(numbers, bins))[1:]) if j == i + 1]
-    lag = sum(y * x.conjugate() for a, z in pairs for x, y in zip(a, z)) / max(1, len(pairs)) / (power or 1)
-    values = [part for m in range(ANTENNAS) for x in [sum(f[m] for f in bins) / len(bins) / root] for part in (x.real, x.imag)]
-    values += [covariance[m][m].real for m in range(ANTENNAS)]
-    values += [part for m in range(ANTENNAS) for n in range(m + 1, ANTENNAS)
-               for part in (covariance[m][n].real, covariance[m][n].imag)]
+def parts(complex_values):
+    return np.stack([complex_values.real, complex_values.imag], -1).reshape(KEPT, -1)
+
+
+def statistics(frames, numbers):
+    """Computes the power and the statistics of each range bin from the frames of a record."""
+    samples, follow = np.array([frames[n][1] for n in numbers]), np.diff(numbers) == 1
+    power = (abs(samples) ** 2).sum(2).mean(0)
+    covariance = np.einsum("fbm,fbn->bmn", samples, samples.conj()) / len(samples)
+    lag = (samples[1:] * samples[:-1].conj())[follow].sum((0, 2)) / max(1, follow.sum())
+    scale = np.where(power, power, 1)[:, None]
     # The lag-1 correlation averages fewer products than the power, so it may exceed 1. It is therefore clipped to
     # [-1, 1] before it is stored.
-    return power, values + [max(-1, min(1, part)) for part in (lag.real, lag.imag)]
+    return power, np.hstack([
+        parts(samples.mean(0)) / np.sqrt(scale), np.einsum("bmm->bm", covariance).real / scale,
+        parts(covariance[:, *np.triu_indices(ANTENNAS, 1)]) / scale, np.clip(parts(lag) / scale, -1, 1)])
 
 
 class Antennas(Case):
     def record(self, count):
-        done = waiting.run(
-            [bin_dir / "echofuse-sim", "lab", "--dir", self.dir / "lab", "--window", str(WINDOW_S), "--scene", "mixed", "--hold",
-             str(5 * WINDOW_S), "--radar-cfg", cfg, "--log", self.dir / "sent.jsonl", "--set", "radar_sum=coherent", "--set",
-             "radar_phase_error_rad=0.3", "--set", "radar_leakage=2", "--", bin_dir / "echofuse-acquire", "run", "--config",
-             self.dir / "lab/lab.toml", "--set", f"run.window_s={WINDOW_S}", "--out", self.dir / "run", "--count", str(count),
-             "--keep-raw", self.dir / "raw"], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=180)
-        self.assertEqual(done.returncode, 0, done.stdout)
+        done = self.lab(bin_dir / "echofuse-acquire", "run", "--config", self.dir / "lab/lab.toml", "--set", f"run.window_s={WINDOW_S}", "--out",
+                        self.dir / "run", "--count", count, "--keep-raw", self.dir / "raw", options=(
+                            "--window", WINDOW_S, "--scene", "mixed", "--hold", 5 * WINDOW_S, "--radar-cfg", cfg, "--log", self.dir / "sent.jsonl",
+                            "--set", "radar_sum=coherent", "--set", "radar_phase_error_rad=0.3", "--set", "radar_leakage=2"))
+        self.assertEqual(done.returncode, 0, done.stderr)
         self.starved = done.starved
 
     def check(self, count):
-        with sqlite3.connect(f"file:{self.dir / 'run.sqlite'}?mode=ro", uri=True) as db:
-            records = db.execute("SELECT idx, radar_frames, radar_last, array_frames, array FROM record ORDER BY idx").fetchall()
-            counted = dict(db.execute("SELECT name, value FROM counter WHERE source = 'radar'"))
+        run = self.dir / "run.sqlite"
+        records = query(run, "SELECT idx, radar_frames, radar_last, array_frames, array FROM record ORDER BY idx")
+        counted = dict(query(run, "SELECT name, value FROM counter WHERE source = 'radar'"))
         self.assertEqual(len(records), count)
         for name in "bad_headers", "bad_tlvs", "bad_arrays", "junk_bytes":
             self.assertEqual(counted.get(name, 0), 0, name)
         frames = frames_of(b"".join(f.read_bytes() for f in sorted((self.dir / "raw").glob("radar-[0-9]*.dat"))))
         # The simulated radar may skip frames on a busy machine.
-        sent, skipped = {}, set()
-        for line in (self.dir / "sent.jsonl").read_text().splitlines():
-            entry = json.loads(line)
-            if entry["device"] == "radar" and entry["what"] == "sent":
-                sent[entry["frame"]] = entry["crc"]
-            elif entry["device"] == "radar" and entry["what"] == "skipped":
-                skipped.add(entry["frame"])
+        log = [entry for entry in map(json.loads, (self.dir / "sent.jsonl").read_text().splitlines()) if entry["device"] == "radar"]
+        sent = {entry["frame"]: entry["crc"] for entry in log if entry["what"] == "sent"}
+        skipped = {entry["frame"] for entry in log if entry["what"] == "skipped"}
         if self.starved and len(skipped) >= len(sent) / 10:
             waiting.not_checked(f"rate of the frames ({len(skipped)} skipped, {len(sent)} sent)", self.starved)
         else:
@@ -114,10 +104,9 @@ class Antennas(Case):
             before = last
             for n in numbers:
                 self.assertEqual(crc32c(frames[n][0]), sent[n], f"frame {n}")
-            for b, (power, values) in enumerate(unpacked(blob)):
-                true_power, true_values = statistics(frames, numbers, b)
-                self.assertAlmostEqual(power, true_power, delta=1e-5 * true_power)
-                worst = max(worst, *(abs(v - t) for v, t in zip(values, true_values)))
+            (power, values), (true_power, true_values) = unpacked(blob), statistics(frames, numbers)
+            np.testing.assert_allclose(power, true_power, rtol=1e-5)
+            worst = max(worst, abs(values - true_values).max())
         self.assertGreaterEqual(compared, count / 4 if self.starved else count)
         # The limit is half of the quantisation step of 1/32767, plus the rounding error of the sums.
         self.assertLess(worst, 3e-5)

@@ -159,8 +159,6 @@ class Calibrate(Case):
                 self.assertLess(abs(float(tap) - float(true)), .05, said)
 
     def test_range_calibration_restores_the_accuracy_of_depth_maps(self):
-        """Range biases degrade the depth maps predicted by a model. Using the calibration stored in the run restores
-        the accuracy."""
         def score(run):
             metrics = json.loads(call(self.dir, "echofuse-recon", "evaluate", "model.h5", run, "--all", "--json"))["metrics"]
             return metrics["lateral_m"], metrics["iou"]

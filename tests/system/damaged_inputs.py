@@ -19,6 +19,9 @@ import zlib
 
 from case import SharedCase, bin_dir, main, source
 import fixtures
+sys.path.insert(0, str(source / "scripts/bridges"))
+import bridge
+import pack
 
 PACKAGE = source / "recon/python"
 RECORDS = 12
@@ -107,10 +110,8 @@ ZONE_TABLES = [
 def pages_that_repeat(path, table):
     """Replaces the root page of a table with a tree of six interior pages. Each page contains 400 links to the next
     page, so that the table appears to have 4e15 rows."""
-    db = sqlite3.connect(path)
-    root = db.execute("SELECT rootpage FROM sqlite_schema WHERE name = ?", (table,)).fetchone()[0]
-    size = db.execute("PRAGMA page_size").fetchone()[0]
-    db.close()
+    (root,), (size,) = (fixtures.query(path, query, *values)[0] for query, *values in (
+        ("SELECT rootpage FROM sqlite_schema WHERE name = ?", table), ("PRAGMA page_size",)))
     data = bytearray(path.read_bytes())
     leaf = data[(root - 1) * size:root * size]
     first_new = len(data) // size + 1
@@ -139,9 +140,7 @@ class DamagedInputs(SharedCase):
         cls.model = cls.dir / "mean.h5"
         fixtures.program("echofuse-sim", "dataset", "--out", cls.seed, "--people", RECORDS, "--seed", 7, "-q")
         fixtures.program("echofuse-recon", "train", cls.seed, "--out", cls.model, "--model", "mean", "-q")
-        db = sqlite3.connect(cls.seed)
-        cls.shapes = dict(db.execute("SELECT name, count FROM axis"))
-        db.close()
+        cls.shapes = dict(fixtures.query(cls.seed, "SELECT name, count FROM axis"))
 
     def command(self, *words):
         out, err = self.dir / "out", self.dir / "err"
@@ -238,11 +237,9 @@ class DamagedInputs(SharedCase):
             with self.subTest(table):
                 run = self.make("event")
                 if table == "sqlite_schema":
-                    db = sqlite3.connect(run)
-                    db.execute("PRAGMA writable_schema = ON")
-                    db.execute("UPDATE sqlite_schema SET rootpage = 1 WHERE name = 'record'")
-                    db.commit()
-                    db.close()
+                    with contextlib.closing(sqlite3.connect(run)) as db, db:
+                        db.execute("PRAGMA writable_schema = ON")
+                        db.execute("UPDATE sqlite_schema SET rootpage = 1 WHERE name = 'record'")
                 else:
                     pages_that_repeat(run, table)
                 codes = self.attack(run)
@@ -306,9 +303,6 @@ class DamagedInputs(SharedCase):
             self.assertIsNone(re.search(r"(^|[,;])[=+@]", line), line)
 
     def test_commands_escape_control_characters_in_texts_of_devices(self):
-        sys.path.insert(0, str(source / "scripts/bridges"))
-        import bridge
-        import pack
         pack.crc32c = fixtures.crc32c
         server, over = bridge.Server(("127.0.0.1", 0)), threading.Event()
 

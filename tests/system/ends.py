@@ -56,10 +56,7 @@ class Ends(live.Live):
         self.assertTrue(any("was killed because the run ended" in text for text in texts), texts)
 
     def test_run_on_a_full_disk_reports_its_end(self):
-        def limit_file_size():
-            resource.setrlimit(resource.RLIMIT_FSIZE, (256 << 10, 256 << 10))
-
-        daemon = self.begin("--set", "depth.address=", preexec_fn=limit_file_size)
+        daemon = self.begin("--set", "depth.address=", preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (256 << 10, 256 << 10)))
         daemon.wait(60)
         self.ended(daemon, 6, "records were not written", len(self.rows()))
 

@@ -52,7 +52,6 @@ class JsonKeys(case.Case):
         self.assertEqual(offered | {"scripts/audit_run.py"}, documented)
 
     def test_json_output_of_device_commands_matches_the_schema(self):
-        """Checks the output of device commands in the simulated laboratory."""
         lab = ("echofuse-sim", "lab", "--dir", "lab", "--window", "0.3", "--laser-rate-hz", "2e7", "--set", "signal_photons=5e4", "--scene", "reflector", "--",
                "sh", "-c", """cd lab
                    for command in devices "doctor --duration 1s" "calibrate --repeat 3 --time 0.2"; do

@@ -13,6 +13,7 @@ import signal
 import sqlite3
 import struct
 import subprocess
+import termios
 import threading
 import time
 
@@ -34,6 +35,44 @@ def viewers_of(path):
 
 # Sanitizers make the programs slower, so longer slots are needed.
 WINDOW_S = float(os.environ.get("ECHOFUSE_TEST_WINDOW_S", "0.2"))
+
+
+SEQUENCES = re.compile(r"\x1b\[[0-9;]*[A-Za-z]|\x07")
+
+
+class Terminal:
+    """Master side of a pseudo-terminal. Stores all output of the program."""
+
+    def __init__(self, columns):
+        self.master, self.slave = pty.openpty()
+        self.resize(columns)
+        self.text = ""
+        self.reader = threading.Thread(target=self.read, daemon=True)
+        self.reader.start()
+
+    def resize(self, columns):
+        fcntl.ioctl(self.slave, termios.TIOCSWINSZ, struct.pack("HHHH", 25, columns, 0, 0))
+
+    def read(self):
+        while True:
+            try:
+                data = os.read(self.master, 4096)
+            except OSError:  # the last program has closed its end of the pseudo-terminal
+                return
+            self.text += data.decode()
+
+    def end(self, daemon):
+        """Waits for the end of the daemon. Returns its exit code."""
+        daemon.wait(40)
+        os.close(self.slave)
+        self.reader.join(10)
+        os.close(self.master)
+        return daemon.returncode
+
+    def status_lines(self):
+        """Returns the status lines printed so far, which are separated by carriage returns."""
+        parts = re.split(r"[\r\n]+", SEQUENCES.sub("", self.text))
+        return [part for part in parts if part.startswith("record ")]
 
 
 class Live(Case):
@@ -75,6 +114,10 @@ class Live(Case):
         return self.start([bin_dir / "echofuse-acquire", "run", "--config", self.dir / "lab/lab.toml", "--out",
                            self.run.with_suffix(""), *options],
                           **{"env": self.environment(), "stderr": subprocess.PIPE, "text": True} | how)
+
+    def acquire(self, command, *options, config="lab/lab.toml"):
+        return subprocess.run([bin_dir / "echofuse-acquire", command, "--config", self.dir / config, *map(str, options)], env=self.environment(),
+                              text=True, capture_output=True, timeout=60)
 
     def finish(self, daemon, how=None, code=0, timeout_s=30):
         """Sends the signal `how`, if any, and waits for the end of the daemon. Checks the exit code, except for None.
@@ -298,32 +341,113 @@ class Live(Case):
         self.assertEqual((late.returncode, "run is not being recorded" in late.stdout), (1, True))
 
     def test_run_refuses_radar_ports_of_two_boards(self):
-        """If the data port belongs to another board that is sending frames, `devices` reports the mismatch and `run`
-        refuses to start."""
         other = self.dir / "other"
         self.start_lab(other, scene="reflector")
 
-        def acquire(command, config, *options):
-            return subprocess.run([bin_dir / "echofuse-acquire", command, "--config", config, *options], timeout=60,
-                                  env=self.environment(), capture_output=True, text=True)
-
         alone = "--set", "tdc.address=", "--set", "depth.address="
-        started = acquire("run", other / "lab.toml", *alone, "--set", "radar.keep_running=true", "--out", self.dir / "b", "--count", "2")
+        started = self.acquire("run", *alone, "--set", "radar.keep_running=true", "--out", self.dir / "b", "--count", "2", config="other/lab.toml")
         self.assertEqual(started.returncode, 0, started.stderr)
-        mixed = self.dir / "lab/mixed.toml"
-        mixed.write_text(re.sub(r"(?m)^data = .*", f'data = "serial:{other}/radar-data"', (self.dir / "lab/lab.toml").read_text()))
-        listed = json.loads(acquire("devices", mixed, "--json").stdout)["configured"]
+        mixed = {"config": "lab/mixed.toml"}
+        (self.dir / "lab/mixed.toml").write_text(re.sub(r"(?m)^data = .*", f'data = "serial:{other}/radar-data"', (self.dir / "lab/lab.toml").read_text()))
+        listed = json.loads(self.acquire("devices", "--json", **mixed).stdout)["configured"]
         self.assertEqual({device["sensor"]: device["state"] for device in listed},
                          {"spd": "streaming", "radar": "misconfigured", "depth": "streaming"}, listed)
-        checked = acquire("doctor", mixed, "--json")
+        checked = self.acquire("doctor", "--json", **mixed)
         self.assertEqual(checked.returncode, 3, checked.stderr)
         radar = [check for check in json.loads(checked.stdout)["checks"] if check["check"] == "radar"]
         self.assertIn("ports of two different boards", radar[0]["found"])
         self.assertRegex(radar[0]["advice"], "^correct the configuration")
-        refused = acquire("run", mixed, "--out", self.run, "--count", "2")
+        refused = self.acquire("run", "--out", self.run, "--count", "2", **mixed)
         self.assertEqual(refused.returncode, 3, refused.stderr)
         self.assertIn("radar.cli and radar.data are ports of two different boards", refused.stderr)
         self.assertFalse(self.run.exists())
+
+    def test_commands_report_that_a_device_is_in_use_by_a_run(self):
+        """`run`, `calibrate`, `devices` and `doctor` report which run is using the devices, and this run loses no
+        data. The commands can still use the camera, which is not part of the run."""
+        daemon = self.record("--count", "30", "--set", "depth.address=")
+        wait_for("records", lambda: self.committed() >= 3)
+        holder = f"in use by echofuse-acquire run, pid {daemon.pid}, run {self.run}"
+
+        def check(done, code, sensors=("spd", "radar")):
+            self.assertEqual(done.returncode, code, done.stdout + done.stderr)
+            for sensor in sensors:
+                self.assertRegex(done.stdout + done.stderr, rf"{sensor} [^\n]*{re.escape(holder)}")
+        check(self.acquire("run", "--out", self.dir / "second"), 4)
+        self.assertFalse((self.dir / "second.sqlite").exists())
+        check(self.acquire("calibrate", "--set", f"run.calibration={self.dir}/c.toml"), 4)
+        # `run` reports that the ports are in use even if the configuration contains different paths to the same
+        # ports.
+        nodes = [(self.dir / "lab" / name).resolve() for name in ("radar-cli", "radar-data")]
+        done = self.acquire("run", "--out", self.dir / "second", "--set", f"radar.cli=serial:{nodes[0]}",
+                            "--set", f"radar.data=serial:{nodes[1]}", "--set", "tdc.address=", "--set", "depth.address=",
+                            "--set", "run.connect_timeout_s=0.5")
+        self.assertEqual(done.returncode, 4, done.stderr)
+        self.assertIn("in use by another program", done.stderr)
+
+        done = self.acquire("devices", "--json")
+        self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
+        *taken, free = json.loads(done.stdout)["configured"]
+        self.assertEqual((free["sensor"], free["state"], free["answers"]), ("depth", "streaming", True))
+        for device in taken:
+            self.assertEqual((device["state"], device["answers"], device["run"]), ("in use", True, str(self.run)))
+            self.assertRegex(device["last_event"], rf"{re.escape(holder)}; record \d+, [\d.]+ s ago: [^,]+, \d+ ")
+        check(self.acquire("devices"), 0)
+        done = self.acquire("doctor", "--set", f"run.folder={self.dir}", "--duration", "10s")
+        self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
+        for sensor in "spd", "radar":
+            self.assertRegex(done.stdout, rf"warning +{sensor} +{re.escape(holder)}; record \d+, [\d.]+ s ago: \w+")
+
+        log = self.finish(daemon)
+        self.check_slots(self.rows())
+        self.assertEqual(len(self.rows()), 30)
+        self.assertNotRegex(log, r"warning (spd|radar): (?!record|did not confirm)")
+        info = self.info()
+        self.assertEqual(info["lost"]["spd"], 0, log)
+        # The devices are free after the run.
+        done = self.acquire("devices", "--json")
+        self.assertEqual([d["state"] for d in json.loads(done.stdout)["configured"]], ["streaming"] * 3)
+        # No frame is lost in transport, but the simulated board may skip frames on a busy machine.
+        self.assertLessEqual(info["lost"]["radar"], self.close_lab()["radar"]["frames_skipped"], log)
+
+    def test_status_line_does_not_wrap_in_a_narrow_terminal(self):
+        records, terminal = round(8 / WINDOW_S), Terminal(300)
+        daemon = self.record("--duration", "8s", "--set", "run.label=" + "person " * 20, env=self.environment(TERM="xterm"), stderr=terminal.slave)
+        drawn = {}
+        for columns in 300, 80, 40:
+            terminal.resize(columns)
+            before = len(terminal.status_lines())
+            wait_for("status", lambda: len(terminal.status_lines()) >= before + 3, 40)
+            # The first of these status lines may have been printed before the terminal was resized.
+            drawn[columns] = terminal.status_lines()[before + 1:]
+        self.assertEqual(terminal.end(daemon), 0)
+        text = terminal.text
+        for columns, lines in drawn.items():
+            self.assertTrue(all(len(line) < columns for line in lines), lines)
+        whole = drawn[300][-1]
+        fields = (rf"record \d+/{records}  [sS-][rR-][dD-]  ", r"  0:0\d, 0:0\d left  ", r"  \d+\.\d ktag/s  ", r"  radar \d+\.\d fps \d+ dB  ",
+                  r"  depth \d+\.\d fps  ", r"  lost (0|[SRD] \d)", r"  [\d.]+ GB free  ", r"  person person ")
+        for field in fields:
+            self.assertRegex(whole, field)
+        self.assertTrue(all(re.match(fields[0], line) for line in drawn[40]), drawn)
+        # Only log messages and the last status line end with a line feed.
+        lines = SEQUENCES.sub("", text).replace("\r\n", "\n").split("\n")
+        feeds = [line.rsplit("\r", 1)[-1] for line in lines[:-1]]
+        self.assertEqual([f.split("  ")[0] for f in feeds if f.startswith("record ")], [f"record {records}/{records}"], text)
+
+    def test_second_ctrl_c_ends_the_run_immediately(self):
+        terminal = Terminal(80)
+        daemon = self.record("--set", "run.window_s=3", env=self.environment(TERM="xterm"), stderr=terminal.slave)
+        wait_for("a record", lambda: self.committed() >= 1)
+        asked = time.monotonic()
+        daemon.send_signal(signal.SIGINT)
+        wait_for("an answer", lambda: "finishing the slot, " in terminal.text)
+        self.assertLess(time.monotonic() - asked, 1)
+        self.assertRegex(terminal.text, r"finishing the slot, [\d.]+ s left; press Ctrl-C again to stop immediately")
+        daemon.send_signal(signal.SIGINT)
+        self.assertEqual(terminal.end(daemon), 130)
+        self.assertLess(time.monotonic() - asked, 2)
+        self.assertEqual(self.info()["status"], "crashed")
 
 
 if __name__ == "__main__":

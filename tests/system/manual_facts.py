@@ -1,17 +1,18 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
 """Compares names and defaults in the manuals with the programs: settings, columns, metrics, file formats, exit codes
-and the output of doctor. tests/lint.py compares commands and options."""
+and the output of doctor. Each public name must have one meaning in C++, Python, JSON, CSV and netCDF: the table of names in
+acquire/GLOSSARY.md must contain every name that at least two of these interfaces use. tests/lint.py compares commands and
+options."""
+import inspect
 import json
 import pathlib
 import re
-import sqlite3
-import subprocess
 
 import case
 from case import bin_dir, source
 import echofuse
-import waiting
+import fixtures
 
 texts = {path.relative_to(source): path.read_text(encoding="utf-8")
          for path in [source / "README.md", *(path for room in ("acquire", "drivers", "recon", "sim") for path in (source / room).rglob("*.md"))]}
@@ -41,6 +42,33 @@ def settings_of(text):
         elif setting := re.match(r"(\w+) = (.*?)(?:  # .*)?$", line):
             found[section + setting[1]] = setting[2].strip('"')
     return found
+
+
+INTERFACES = ("C++", "Python", "JSON", "CSV", "netCDF")
+# Columns of a sensor are called e.g. spd_verdict; the table contains verdict.
+OF_SENSOR = re.compile("^(spd|radar|depth)_(?=(verdict|figures|used|lost|valid|quality|offset_m)$)")
+
+
+def of_cpp():
+    headers = "".join(path.read_text(encoding="utf-8") for path in (source / "recon/include/echofuse").glob("*.hpp"))
+    members = re.findall(r"^  [\w:<>,* ]+? (\w+)(?: = [^;]*)?;\s*///<|^  /// .*\n  [\w:<>, ]+ (\w+)(?: = [^;]*)?;", headers, re.M)
+    parameters = " ".join(re.findall(r"\[\[nodiscard\]\] DepthMap predict\((.*?)\)", headers, re.S))
+    return {name for pair in members for name in pair} | set(re.findall(r"\[\[nodiscard\]\][^;]*?(\w+)\(", headers)) | set(re.findall(r"(\w+)(?:,|$)", parameters))
+
+
+def of_python(run, maps):
+    scores = echofuse.metrics.__all__
+    parameters = [name for function in (echofuse.write_run, echofuse.Model.predict) for name in inspect.signature(function).parameters]
+    objects = (run, run[0], run.axes["spd"], maps, echofuse.metrics.Scene(maps.depth_m[0], 1))
+    return {*scores, *parameters, *run.info, *run.quality(), *(name for one in objects for name in dir(one) if name[0] != "_")}
+
+
+def of_json():
+    def keys(shape):
+        inner = shape.values() if isinstance(shape, dict) else shape if isinstance(shape, list) else []
+        return {name.rstrip("?") for name in shape if isinstance(shape, dict)}.union(*map(keys, inner))
+    documented = json.loads((source / "config/schema.json").read_text(encoding="utf-8"))
+    return keys({name: shape for name, shape in documented.items() if name != "how to read"}) - set(documented)
 
 
 class Facts(case.SharedCase):
@@ -89,10 +117,9 @@ class Facts(case.SharedCase):
 
     def test_run_file_page_lists_all_tables_and_columns(self):
         page = manual("acquire/RUN_FILE.md").partition("### Tables and columns")[2].partition("\n## ")[0]
-        db = sqlite3.connect(self.dir / "zones.sqlite")
-        tables = {name for name, in db.execute("SELECT name FROM sqlite_schema WHERE type = 'table' AND name NOT LIKE 'sqlite%'")}
+        tables = {name for name, in fixtures.query(self.dir / "zones.sqlite", "SELECT name FROM sqlite_schema WHERE type = 'table' AND name NOT LIKE 'sqlite%'")}
         self.assertEqual(set(re.findall(r"^\| `(\w+)`", page, re.M)), tables)
-        columns = [row[1] for row in db.execute("PRAGMA table_info(record)")]
+        columns = [row[1] for row in fixtures.query(self.dir / "zones.sqlite", "PRAGMA table_info(record)")]
         rows = "\n".join(re.findall(r"^\| `record`.*", page, re.M))
         names = re.findall(r"`([\w.]+)`", rows)
         for column in columns:
@@ -136,18 +163,36 @@ class Facts(case.SharedCase):
         self.assertEqual(stated, printed)
 
     def test_example_of_doctor_has_the_lines_of_the_program(self):
-        done = waiting.run([bin_dir / "echofuse-sim", "lab", "--dir", self.dir / "lab", "--window", "0.5", "--", bin_dir / "echofuse-acquire",
-                            "doctor", "--config", self.dir / "lab/lab.toml"], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=200)
-        self.assertIn(done.returncode, range(7), done.stdout)
+        done = self.lab(bin_dir / "echofuse-acquire", "doctor", "--config", self.dir / "lab/lab.toml", options=("--window", "0.5"))
+        self.assertIn(done.returncode, range(7), done.stderr)
         example = manual("acquire/README.md").partition("Output of `doctor`")[2].partition("```")[2].partition("```")[0]
         checks = re.compile(r"^(?:ok|warning|failed) +(\w+(?: \w+)?)  ", re.M)
         self.assertGreater(len(checks.findall(example)), 10)
         expected, printed = checks.findall(example), checks.findall(done.stdout)
         if done.starved and expected != printed:  # a device of the laboratory may have been too late
             self.assertLessEqual(set(printed), set(expected), done.stdout)
-            waiting.not_checked(f"lines of doctor ({sorted(set(expected) - set(printed))})", done.starved)
+            case.waiting.not_checked(f"lines of doctor ({sorted(set(expected) - set(printed))})", done.starved)
         else:
             self.assertEqual(expected, printed, done.stdout)
+
+    def test_each_public_name_is_in_the_glossary_with_its_interfaces(self):
+        self.call("echofuse-sim", "dataset", "-q", "--people", "60", "--letters", "0", "--out", "a.sqlite")
+        self.call("echofuse-recon", "train", "-q", "a.sqlite", "--model", "mean-shape", "--out", "m")
+        self.call("echofuse-recon", "reconstruct", "-q", "m", "a.sqlite", "--rows", "0,1", "--out", "named")
+        self.call("echofuse-recon", "evaluate", "-q", "m", "a.sqlite", "--per-record", "scores.csv")
+        run, model = echofuse.open(self.dir / "a"), echofuse.load_model(self.dir / "m")
+        data = run[:2].to_xarray()
+        tables = [(self.dir / name).read_text().splitlines()[0] for name in ("named/records.csv", "scores.csv")]
+        scores = (source / "recon/metrics/metrics.hpp").read_text().partition("metric_names = {")[2].partition("}")[0]
+        used = (of_cpp(), of_python(run, model.predict(run[:2])), of_json() | set(re.findall('"(.*?)"', scores)),
+                {name for line in tables for name in line.split(",")}, {*data.variables, *data.attrs})
+        used = [{OF_SENSOR.sub("", name) for name in names} for names in used]
+        found = {name: [place for place, names in zip(INTERFACES, used) if name in names] for name in set.union(*used)}
+        glossary = manual("acquire/GLOSSARY.md").partition("## Names of values")[2]
+        listed = {row[0]: row[1].split(", ") for row in re.findall(r"^\| `(\w+)` \|.*\| (.*) \|$", glossary, re.M)}
+        shared = {name: places for name, places in found.items() if len(places) > 1}
+        self.maxDiff = None
+        self.assertEqual({name: listed[name] for name in sorted(listed)}, {name: shared[name] for name in sorted(shared)})
 
 
 case.main(Facts)

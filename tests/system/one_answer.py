@@ -9,12 +9,10 @@ import re
 import resource
 import shutil
 import signal
-import sqlite3
 import subprocess
 import sys
 import warnings
 from collections import Counter
-from contextlib import closing
 
 import live
 from live import WINDOW_S, bin_dir, wait_for
@@ -157,11 +155,8 @@ class OneAnswer(live.Live):
 
     def recorded(self, name, *options, limit=None, kill_at=None):
         """Records the run self.dir/NAME.sqlite and returns the exit code of the daemon."""
-        def limit_file_size():
-            resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
-
         self.run = self.dir / f"{name}.sqlite"
-        daemon = self.record(*options, preexec_fn=limit_file_size if limit else None)
+        daemon = self.record(*options, preexec_fn=limit and (lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))))
         if kill_at is not None:
             wait_for("records", lambda: self.committed() >= kill_at and self.run.exists())
             daemon.send_signal(signal.SIGKILL)
@@ -192,11 +187,8 @@ class OneAnswer(live.Live):
     def check_scored(self):
         """evaluate scores the records that have a depth map and no data marked as doubtful. The counts of the other
         records agree with `info`."""
-        model, run = self.dir / "m.safetensors", self.dir / "scored.sqlite"
-        for name, seed in (("base", 1), ("scored", 5)):
-            outcome("echofuse-sim", "dataset", "-q", "--records", 60, "--seed", seed, "--out", self.dir / f"{name}.sqlite")
-        outcome("echofuse-recon", "train", self.dir / "base.sqlite", "--model", "ridge", "--out", model)
-        fixtures.change(run, "verdict ?3 of the camera in the records from ?1 to ?2", 5, 10, "stands still: 3")
+        model, run = fixtures.model("ridge", fixtures.scenes(60)), self.dir / "scored.sqlite"
+        fixtures.changed(fixtures.scenes(60, 5), run, "verdict ?3 of the camera in the records from ?1 to ?2", 5, 10, "stands still: 3")
         fixtures.change(run, "verdict ?3 of the SPD in the records from ?1 to ?2", 20, 22, "weak: 1 clicks")
         fixtures.change(run, "no radar frames in the records from ?1 to ?2", 30, 31)
         fixtures.change(run, "no frames of the required camera in the records from ?1 to ?2", 40, 42)
@@ -225,8 +217,7 @@ class OneAnswer(live.Live):
         for suffix in ("", "-wal"):
             shutil.copy(f"{killed}{suffix}", self.dir / f"whole.sqlite{suffix}")
         shutil.copy(f"{killed}-wal", self.dir / "one.sqlite-wal")
-        with closing(sqlite3.connect(self.dir / "whole.sqlite")) as db:
-            db.execute("VACUUM INTO ?", (str(self.dir / "snapshot.sqlite"),))
+        fixtures.query(self.dir / "whole.sqlite", "VACUUM INTO ?", str(self.dir / "snapshot.sqlite"))
 
         odd = self.check("odd", status="complete", meta={"lens": "50mm"} | of_info(self.dir / "odd.sqlite")["meta"],
                          notes=["the lens was dirty", "<b>a second note</b>"])

@@ -23,13 +23,10 @@ from live import wait_for
 unit_path = pathlib.Path(__file__).resolve().parents[2] / "config/echofuse-acquire.service"
 
 
-class Unit(configparser.ConfigParser):
-    """Parses the sections and keys of the service unit. If a key is repeated, its last value is used."""
-
-    def __init__(self):
-        super().__init__(strict=False, interpolation=None, delimiters=("=",))
-        self.optionxform = str
-        self.read(unit_path)
+# If a key of the unit is repeated, its last value is used.
+unit = configparser.ConfigParser(strict=False, interpolation=None, delimiters=("=",))
+unit.optionxform = str
+unit.read(unit_path)
 
 
 class NotifySocket:
@@ -46,9 +43,6 @@ class NotifySocket:
     def keep(self):
         while message := self.socket.recv(4096).decode():
             self.lines += message.splitlines()
-
-    def count(self, line):
-        return self.lines.count(line)
 
     def close(self):
         """Waits until all messages sent so far have been read, and returns the lines."""
@@ -69,38 +63,31 @@ class Service(live.Live):
             self.notify.close()
         super().tearDown()
 
-    def serve(self, *options, env={}, **how):
-        """Runs the unit's command line with the folders and the configuration of the test."""
-        line = Unit()["Service"]["ExecStart"].replace("%%", "%").replace("/etc/echofuse", str(self.dir / "lab"))
-        command = line.replace("/var/lib/echofuse", str(self.dir)).replace("/usr/local/bin", str(live.bin_dir)).split()
-        daemon = self.start(command + list(options), env=self.environment(NOTIFY_SOCKET=self.notify.path, **env), stderr=subprocess.PIPE,
-                            text=True, **how)
-        wait_for("run file", lambda: list(self.dir.glob("*.sqlite")) or daemon.poll() is not None)
-        self.assertIsNone(daemon.poll(), daemon.stderr.read() if daemon.poll() is not None else "")
-        [self.run] = self.dir.glob("*.sqlite")
-        return daemon
-
     def test_daemon_sends_a_watchdog_message_to_systemd_for_each_record(self):
         """systemd receives at most one heartbeat per record, and none while records cannot be written. The watchdog
         time of this service is shorter than four slots, so the daemon first requests a longer time."""
-        daemon = self.serve(env={"WATCHDOG_USEC": "300000"})
+        line = unit["Service"]["ExecStart"].replace("%%", "%").replace("/etc/echofuse", str(self.dir / "lab"))
+        command = line.replace("/var/lib/echofuse", str(self.dir)).replace("/usr/local/bin", str(live.bin_dir)).split()
+        daemon = self.start(command, env=self.environment(NOTIFY_SOCKET=self.notify.path, WATCHDOG_USEC="300000"), stderr=subprocess.PIPE, text=True)
+        wait_for("run file", lambda: list(self.dir.glob("*.sqlite")) or daemon.poll() is not None)
+        self.run, = self.dir.glob("*.sqlite")
         self.assertRegex(self.run.name, r"^run-20\d{6}-\d{6}\.sqlite$")
-        wait_for("heartbeats", lambda: self.notify.count("WATCHDOG=1") >= 4)
-        self.assertEqual(self.notify.count("STOPPING=1"), 0)
+        wait_for("heartbeats", lambda: self.notify.lines.count("WATCHDOG=1") >= 4)
+        self.assertEqual(self.notify.lines.count("STOPPING=1"), 0)
         blocker = sqlite3.connect(self.run, isolation_level=None)
         blocker.execute("BEGIN IMMEDIATE")
         try:
             # Heartbeats for records that were committed before the lock arrive within this time.
             time.sleep(0.5)
-            before = self.notify.count("WATCHDOG=1")
+            before = self.notify.lines.count("WATCHDOG=1")
             # The pause must be shorter than 5 s, after which the writer gives up.
             time.sleep(min(8 * live.WINDOW_S, 3))
-            self.assertEqual(self.notify.count("WATCHDOG=1"), before)
+            self.assertEqual(self.notify.lines.count("WATCHDOG=1"), before)
             self.assertIsNone(daemon.poll())
         finally:
             blocker.execute("ROLLBACK")
             blocker.close()
-        wait_for("heartbeats again", lambda: self.notify.count("WATCHDOG=1") > before)
+        wait_for("heartbeats again", lambda: self.notify.lines.count("WATCHDOG=1") > before)
         self.finish(daemon, signal.SIGTERM)
         lines = self.notify.close()
         self.assertEqual(lines[:2], [f"WATCHDOG_USEC={round(4e6 * live.WINDOW_S)}", "READY=1"], lines)
@@ -136,8 +123,8 @@ class Service(live.Live):
         first = daemon.stderr.readline()
         log = first + self.finish(daemon, signal.SIGTERM, code=None)
         self.assertIn("interrupted before the first slot", log)
-        self.assertIn(str(daemon.returncode), Unit()["Service"]["SuccessExitStatus"].split(), log)
-        self.assertIn("6", Unit()["Service"]["RestartPreventExitStatus"].split())  # a full disk
+        self.assertIn(str(daemon.returncode), unit["Service"]["SuccessExitStatus"].split(), log)
+        self.assertIn("6", unit["Service"]["RestartPreventExitStatus"].split())  # a full disk
         self.assertFalse((self.dir / "early.sqlite").exists())
         fault = subprocess.run(["sh", "-c", f"{command} --out x --config /none --set a=1"], stderr=subprocess.PIPE,
                                text=True)
@@ -150,7 +137,6 @@ class Service(live.Live):
 
 class Exposure(unittest.TestCase):
     def test_systemd_accepts_the_service_unit(self):
-        """systemd accepts every line of the unit and rates the unit's sandbox as sufficient."""
         with tempfile.TemporaryDirectory() as folder:
             copy = pathlib.Path(folder) / unit_path.name
             copy.write_text(unit_path.read_text().replace("/usr/local/bin/echofuse-acquire", "/bin/true"))

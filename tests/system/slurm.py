@@ -11,20 +11,19 @@ import pathlib
 import shutil
 import signal
 import socket
-import sqlite3
 import subprocess
 import sys
 import tempfile
 import unittest
 
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent))
+from case import Case, bin_dir, source
+import fixtures
 import waiting
 
 # Each check starts a program, so the pause between two checks is longer than usual.
 wait_for = functools.partial(waiting.wait_for, pause_s=0.1)
 
-bin_dir = pathlib.Path(sys.argv.pop(1)).resolve()
-scripts = pathlib.Path(__file__).resolve().parents[2] / "scripts/slurm"
+scripts = source / "scripts/slurm"
 NEEDED = ("slurmctld", "slurmd", "munged", "sbatch", "squeue", "scontrol")
 
 CONF = """ClusterName=test
@@ -59,17 +58,13 @@ PartitionName=all Nodes=n1,n2 Default=YES MaxTime=INFINITE State=UP
 
 
 def free_ports(count):
-    sockets = [socket.create_server(("127.0.0.1", 0)) for _ in range(count)]
-    try:
-        return [s.getsockname()[1] for s in sockets]
-    finally:
-        for s in sockets:
-            s.close()
+    with contextlib.ExitStack() as stack:
+        return [stack.enter_context(socket.create_server(("127.0.0.1", 0))).getsockname()[1] for _ in range(count)]
 
 
-class Slurm(unittest.TestCase):
+class Slurm(Case):
     def setUp(self):
-        self.dir = pathlib.Path(self.enterContext(tempfile.TemporaryDirectory(prefix="slurm-")))
+        super().setUp()
         self.host = socket.gethostname().split(".")[0]
         for name in ("state", "spool.n1", "spool.n2", "tmp", "work"):
             (self.dir / name).mkdir()
@@ -96,19 +91,15 @@ class Slurm(unittest.TestCase):
         further variables that must be in their environment."""
         mark = f"SLURM_CONF={self.dir}/slurm.conf".encode()
         for process in pathlib.Path("/proc").glob("[0-9]*"):
-            try:
+            with contextlib.suppress(OSError):  # the process may have ended
                 variables = (process / "environ").read_bytes().split(b"\0")
                 if mark in variables and int(process.name) != os.getpid() and all(n.encode() in variables for n in names):
                     yield int(process.name)
-            except OSError:
-                continue
 
     def stop(self):
         for name in ("slurmd.n1", "slurmd.n2", "ctld", "munged"):
-            try:
+            with contextlib.suppress(OSError, ValueError):
                 os.kill(int((self.dir / f"{name}.pid").read_text()), signal.SIGKILL)
-            except (OSError, ValueError):
-                pass
         self.kill(self.processes_of())
 
     def kill(self, processes):
@@ -119,12 +110,10 @@ class Slurm(unittest.TestCase):
     def halted(self, node, program):
         """Stops the program run by a job on this node. Returns True if the program was running."""
         for process in self.processes_of(f"SLURMD_NODENAME={node}"):
-            try:
+            with contextlib.suppress(OSError):
                 if pathlib.Path(f"/proc/{process}/comm").read_text().strip() == program:
                     os.kill(process, signal.SIGSTOP)
                     return pathlib.Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] == "T"
-            except OSError:
-                continue
         return False
 
     def node_dies(self, node):
@@ -150,13 +139,7 @@ class Slurm(unittest.TestCase):
         return said
 
     def records(self, *paths):
-        rows = []
-        for path in paths:
-            db = sqlite3.connect(path)
-            try:
-                rows += db.execute("SELECT * FROM record ORDER BY idx").fetchall()
-            finally:
-                db.close()
+        rows = [row for path in paths for row in fixtures.query(path, "SELECT * FROM record ORDER BY idx")]
         return len(rows), hashlib.sha256(repr(rows).encode()).hexdigest()
 
     def test_data_set_is_complete_after_a_node_failure(self):
@@ -188,9 +171,7 @@ class Resubmitted(unittest.TestCase):
 
     def test_slurm_scripts_submit_their_array_from_within_another_job(self):
         with tempfile.TemporaryDirectory() as folder:
-            fake = pathlib.Path(folder, "sbatch")
-            fake.write_text('#!/bin/sh\necho "$@" >> submitted\necho 7\n')
-            fake.chmod(0o755)
+            fixtures.executable(pathlib.Path(folder, "sbatch"), '#!/bin/sh\necho "$@" >> submitted\necho 7\n')
             for environment in ({"SLURM_JOB_ID": "77"}, IN_ARRAY):
                 for script in ("dataset.sbatch", "study.sbatch"):
                     subprocess.run([scripts / script, "4", "base"], cwd=folder, check=True, stdout=subprocess.DEVNULL,
@@ -202,8 +183,7 @@ class Resubmitted(unittest.TestCase):
         with tempfile.TemporaryDirectory() as folder:
             done = self.task(folder, "dataset.sbatch", "8", ".", "--records", "16")
             self.assertEqual(done.returncode, 0, done.stderr)
-            with contextlib.closing(sqlite3.connect(f"{folder}/part-3.sqlite")) as db:
-                self.assertEqual(db.execute("SELECT idx FROM record ORDER BY idx").fetchall(), [(4,), (5,)])
+            self.assertEqual(fixtures.query(f"{folder}/part-3.sqlite", "SELECT idx FROM record ORDER BY idx"), [(4,), (5,)])
             said = self.task(folder, "study.sbatch", "8", "echo", "a study").stdout
             self.assertEqual(said, "a study --part 3/8\n")
 
@@ -217,4 +197,4 @@ class Resubmitted(unittest.TestCase):
 if "Resubmitted" not in sys.argv and (os.geteuid() != 0 or not all(shutil.which(name) for name in NEEDED)):
     print("skipped: needs root and", ", ".join(NEEDED), "(./scripts/setup --all)")
     sys.exit(77)
-unittest.main()
+unittest.main(argv=sys.argv[:1] + sys.argv[2:])

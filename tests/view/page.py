@@ -202,7 +202,6 @@ class Page(live_view.LiveView):
         self.assertEqual(set(asked), {address.split("/")[2]})
 
     def test_web_page_works_behind_a_reverse_proxy(self):
-        """Behind a reverse proxy, the page works below a path and reports an incomplete proxy configuration."""
         self.program("sim", "dataset", "--out", "scenes.sqlite", "--records", 8)
         before = proxy.Proxy(self.view(of=self.dir))
         self.addCleanup(before.close)
@@ -225,8 +224,6 @@ class Page(live_view.LiveView):
         self.assertEqual(self.text("status"), "no connection to the viewer")
 
     def test_web_page_shows_the_histogram_of_each_detector_zone(self):
-        """For a detector with zones, the page shows each zone's histogram at the position of the zone, and the sum
-        over all zones."""
         for name, side in ("nine", 3), ("one", 1):
             self.program("sim", "dataset", "--out", f"{name}.sqlite", "--people", 1, "--set", f"spd_zones={side}", "--set", "target_x_m=0")
         address = self.view(of=self.dir)

@@ -2,16 +2,15 @@
 # SPDX-License-Identifier: MIT
 """Uses Chromium to test the alerts, rates, sums, plan view and pixel values on the web page. Exits with code 77 if
 Chromium is not installed."""
-import contextlib
 import re
 import signal
-import sqlite3
 import struct
 import sys
 import time
 import unittest
 
 import page
+from fixtures import query
 from selenium.webdriver.common.action_chains import ActionChains
 
 # Shows the longest possible texts in the lamps, the status and the table of losses. Returns the visible elements that are clipped or
@@ -67,8 +66,6 @@ class Panels(page.Page):
         self.size(1400, 900)
 
     def test_web_page_shows_alerts_and_plays_alarms(self):
-        """Checks the visual and audible alerts for the disk, the sensors and a stopped viewer. The displayed sums and
-        rates must follow the live run."""
         address = self.view()
         viewer = self.processes[-1]
         daemon = self.record("--set", "alert.disk_free_gb=1e6", "--set", "run.label=person", "--set", "signal.clicks_per_pulse=1e-6")
@@ -128,8 +125,6 @@ class Panels(page.Page):
         self.wait("silent page", lambda: not self.pressed("sound"))
 
     def test_web_page_shows_peak_fit_plan_view_and_pixel_values(self):
-        """For a finished run with a model, checks the peak fit in m and ns, the plan view and the value under the
-        pointer."""
         scenes, model = self.dir / "scenes.sqlite", self.dir / "model.h5"
         self.program("sim", "dataset", "--out", scenes, "--people", 60, "--letters", 0, "--set", "radar_antennas=8")
         self.program("recon", "train", scenes, "--model", "nearest", "--out", model)
@@ -149,8 +144,7 @@ class Panels(page.Page):
         self.key("n")
         # In the difference view of a sum, the mean over the first minute (20 records) is subtracted from each of the
         # summed records.
-        with contextlib.closing(sqlite3.connect(f"file:{scenes}?mode=ro", uri=True)) as db:
-            rows = [struct.unpack(f"<{len(spd) // 4}I", spd) for spd, in db.execute("SELECT spd FROM record ORDER BY idx")]
+        rows = [struct.unpack(f"<{len(spd) // 4}I", spd) for spd, in query(scenes, "SELECT spd FROM record ORDER BY idx")]
         expected = max(sum(bins[-10:]) - sum(bins[:20]) / 2 for bins in zip(*rows))
         self.choose(10)
         self.key("d")

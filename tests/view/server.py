@@ -13,30 +13,29 @@ import random as random_numbers
 import re
 import shutil
 import socket
-import sqlite3
 import struct
 import subprocess
 import sys
 import tempfile
 import time
-import unittest
 import urllib.parse
 
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "system"))
+from case import SharedCase, bin_dir, main
+import fixtures
 import proxy
 from page_socket import Browser, Client, Refused
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "fixtures"))
-import fixtures  # noqa: E402
+import waiting
 
-bin_dir = pathlib.Path(sys.argv[1]).resolve()
 RECORDS = 24
 
 
-class Server(unittest.TestCase):
+class Server(SharedCase):
     @classmethod
     def setUpClass(cls):
-        cls.dir = pathlib.Path(cls.enterClassContext(tempfile.TemporaryDirectory(prefix="echofuse-")))
+        super().setUpClass()
         cls.run_file = cls.dir / "scenes.sqlite"
-        fixtures.program("echofuse-sim", "dataset", "--out", cls.run_file, "--records", RECORDS)
+        shutil.copy(fixtures.scenes(RECORDS), cls.run_file)
         cls.address = cls.enterClassContext(cls.viewer(cls.dir))
 
     @staticmethod
@@ -53,23 +52,19 @@ class Server(unittest.TestCase):
 
     def get(self, path, token=True, method="GET", address=None, **headers):
         url = urllib.parse.urlsplit(address or self.address)
-        connection = http.client.HTTPConnection(url.hostname, url.port, timeout=20)
-        connection.request(method, path + (f"?{url.query}" if token else ""), headers=headers)
-        answer = connection.getresponse()
-        body = answer.read()
-        connection.close()
-        return answer, body
+        with contextlib.closing(http.client.HTTPConnection(url.hostname, url.port, timeout=20)) as connection:
+            connection.request(method, path + (f"?{url.query}" if token else ""), headers=headers)
+            answer = connection.getresponse()
+            return answer, answer.read()
 
     def raw(self, request):
         url = urllib.parse.urlsplit(self.address)
         with socket.create_connection((url.hostname, url.port), 20) as s:
             s.sendall(request)
             out = b""
-            try:
+            with contextlib.suppress(ConnectionResetError):
                 while got := s.recv(4096):
                     out += got
-            except ConnectionResetError:
-                pass
         return out
 
     def test_viewer_messages_contain_the_data_of_the_records(self):
@@ -87,17 +82,13 @@ class Server(unittest.TestCase):
         client.ask({"show": 3})
         record = client.until("record")
         self.assertEqual((record["index"], record["live"]), (3, False))
-        with sqlite3.connect(self.run_file) as db:
-            spd, label = db.execute("SELECT spd, label FROM record WHERE idx = 3").fetchone()
-            rows = db.execute("SELECT spd FROM record ORDER BY idx").fetchall()
-        db.close()
-        self.assertEqual(record["arrays"]["spd"], struct.unpack(f"<{len(spd) // 4}I", spd))
-        self.assertEqual(record["label"], label)
+        spds, labels = zip(*fixtures.query(self.run_file, "SELECT spd, label FROM record ORDER BY idx"))
+        spds = [struct.unpack(f"<{len(spd) // 4}I", spd) for spd in spds]
+        self.assertEqual((record["arrays"]["spd"], record["label"]), (spds[3], labels[3]))
         self.assertEqual(len(record["arrays"]["radar"]), run["axes"]["radar"]["count"])
         self.assertEqual(len(record["arrays"]["map"]), run["map"]["size"] ** 2)
         self.assertTrue(any(1 < z < 6 for z in record["arrays"]["map"]))
         # A sum ends with the displayed record. Near the start of the run, it contains fewer records than requested.
-        spds = [struct.unpack(f"<{len(row[0]) // 4}I", row[0]) for row in rows]
         for count, shown in ((2, 3), (2, 4), (1000, 5)):
             client.ask({"show": shown})
             client.ask({"sum": [count, -1e6, 1e6]})
@@ -120,8 +111,7 @@ class Server(unittest.TestCase):
         arrays, bins = sheet["arrays"], run["axes"]["spd"]["count"]
         columns, by = len(arrays["spd"]) // RECORDS, -(-bins // 256)
         self.assertEqual(columns, -(-bins // by))
-        clicks = struct.unpack(f"<{bins}I", spd)
-        self.assertEqual(arrays["spd"][3 * columns:4 * columns], tuple(float(max(clicks[i:i + by])) for i in range(0, bins, by)))
+        self.assertEqual(arrays["spd"][3 * columns:4 * columns], tuple(float(max(spds[3][i:i + by])) for i in range(0, bins, by)))
         self.assertEqual(arrays["time_s"][3], 3 * run["window_s"])
         client.ask({"mark": "a finished run is not marked"})
         self.assertIn("not being recorded", client.until("answer")["text"])
@@ -129,9 +119,7 @@ class Server(unittest.TestCase):
         self.assertIn("no record 1000000", client.until("trouble")["text"])
 
     def test_viewer_marks_records_on_which_the_model_was_trained(self):
-        model = self.dir / "model.safetensors"
-        fixtures.program("echofuse-recon", "train", self.run_file, "--model", "mean", "--out", model)
-        client = Client(self.enterContext(self.viewer(self.run_file, "--model", model)))
+        client = Client(self.enterContext(self.viewer(self.run_file, "--model", fixtures.model("mean", fixtures.scenes(RECORDS)))))
         self.assertFalse(client.until("run")["calibrated"])
         seen = 0
         for index in range(RECORDS):
@@ -141,13 +129,8 @@ class Server(unittest.TestCase):
         self.assertTrue(0 < RECORDS - seen <= 0.2 * RECORDS, seen)
 
     def test_track_message_contains_the_body_positions_of_earlier_records(self):
-        """The track message of a record contains the object positions in all records up to and including that
-        record."""
-        run, model = (self.dir / "track" / name for name in ("run.sqlite", "model.safetensors"))
-        run.parent.mkdir()
-        fixtures.program("echofuse-sim", "dataset", "--people", 80, "--letters", 0, "--out", run)
-        fixtures.program("echofuse-recon", "train", run, "--model", "mean-shape", "--out", model)
-        client = Client(self.enterContext(self.viewer(run, "--model", model)))
+        run = fixtures.made("echofuse-sim", "dataset", "-q", "--people", 80, "--letters", 0)
+        client = Client(self.enterContext(self.viewer(run, "--model", fixtures.model("mean-shape", run))))
         self.assertTrue(client.until("run")["calibrated"])
 
         def shown(index):
@@ -191,7 +174,6 @@ class Server(unittest.TestCase):
         self.assertEqual((answer["ok"], "token" in answer["text"]), (False, True))
 
     def test_viewer_on_a_public_address_requires_the_token(self):
-        """On a public address, only the scripts of the page are served to clients without the token."""
         url = urllib.parse.urlsplit(self.enterContext(self.viewer(self.dir, listen="0.0.0.0:0")))
         here = f"http://127.0.0.1:{url.port}/?{url.query}"
         self.assertRegex(url.query, "^token=[0-9a-f]{32}$")
@@ -203,18 +185,11 @@ class Server(unittest.TestCase):
         self.assertEqual(Client(here).status, 101)
 
     def test_viewer_uses_another_port_if_its_default_ports_are_in_use(self):
-        """If all default ports are in use, the viewer uses another port."""
-        taken = []
-        for port in range(8410, 8420):
-            taken.append(socket.socket())
-            try:
-                taken[-1].bind(("127.0.0.1", port))
-                taken[-1].listen()
-            except OSError:
-                pass  # The port is already in use.
-        address = self.enterContext(self.viewer(self.dir, listen=None))
-        for each in taken:
-            each.close()
+        with contextlib.ExitStack() as taken:
+            for port in range(8410, 8420):
+                with contextlib.suppress(OSError):  # The port is already in use.
+                    taken.enter_context(socket.create_server(("127.0.0.1", port)))
+            address = self.enterContext(self.viewer(self.dir, listen=None))
         self.assertNotIn(urllib.parse.urlsplit(address).port, range(8410, 8420))
         self.assertEqual(Client(address).until("state")["records"], RECORDS)
 
@@ -236,27 +211,19 @@ class Server(unittest.TestCase):
         self.assertEqual(self.get("/")[0].status, 200)
 
     def test_random_bytes_close_only_the_connection_that_sent_them(self):
-        """Random bytes before or after the handshake close only the connection on which they arrive."""
         random = random_numbers.Random(1)
         healthy = Browser(self.address)  # answers pings
+        url = urllib.parse.urlsplit(self.address)
         for k in range(120):
-            if k % 2:
-                client = Client(self.address).socket
-            else:
-                url = urllib.parse.urlsplit(self.address)
-                client = socket.create_connection((url.hostname, url.port), 20)
-            with client:
+            with Client(self.address).socket if k % 2 else socket.create_connection((url.hostname, url.port), 20) as client:
                 begin = random.choice([b"", b"GET /live HTTP/1.1\r\n", b"\x81", b"\x81\xfe\xff\xff", b"\x88\x80", b"\x89\x84", b"\x02\x81"])
-                try:
+                with contextlib.suppress(ConnectionError):
                     client.sendall(begin + random.randbytes(random.randrange(200)))
-                except ConnectionError:
-                    pass
         healthy.ask({"show": 1})
         self.assertEqual(healthy.until("record", lambda m: not m["live"])["index"], 1)
         healthy.close()
 
     def test_viewer_accepts_at_most_64_connections(self):
-        """At most 64 connections can be open. When one of them closes, another connection is accepted."""
         clients = [Browser(self.address) for _ in range(64)]
         for _ in range(3):
             with self.assertRaises((EOFError, ConnectionError)):
@@ -264,21 +231,16 @@ class Server(unittest.TestCase):
         for client in clients:
             client.until("record")
         clients.pop().close()
-        end = time.monotonic() + 10
-        while time.monotonic() < end:
-            try:
-                self.assertEqual(self.get("/runs")[0].status, 200)
-                break
-            except ConnectionError:
-                time.sleep(0.05)
-        else:
-            self.fail("no new connection accepted")
+
+        def accepted():
+            with contextlib.suppress(ConnectionError):
+                return self.get("/runs")[0].status == 200
+        waiting.wait_for("a new connection", accepted, 10)
         for client in clients:
             client.close()
         time.sleep(0.3)
 
     def test_slow_client_does_not_delay_other_clients(self):
-        """A client that does not answer pings is disconnected. A slow client does not delay other clients."""
         silent = Client(self.address)
         asking = Client(self.address)
         for k in range(200):
@@ -325,8 +287,6 @@ class Server(unittest.TestCase):
                                 else r"wss?://")
 
     def test_viewer_lists_the_runs_of_a_folder(self):
-        """The viewer lists the runs in a folder, and each run has its own page and socket. Files in other folders are
-        not served."""
         folder = pathlib.Path(self.enterContext(tempfile.TemporaryDirectory(dir=self.dir)))
         for name in "one.sqlite", "zwei & drei.sqlite":
             shutil.copy(self.run_file, folder / name)
@@ -336,9 +296,7 @@ class Server(unittest.TestCase):
         runs = {run["name"]: run for run in json.loads(self.get("/runs", address=here)[1])}
         self.assertEqual(set(runs), {"one", "zwei & drei", "none"})
         self.assertIn("not an echofuse run file", runs["none"]["fault"])
-        listed = json.loads(subprocess.run([bin_dir / "echofuse-acquire", "list", "--json", folder], check=True,
-                                           stdout=subprocess.PIPE, stderr=subprocess.DEVNULL).stdout)["runs"]
-        for run in listed:
+        for run in fixtures.json_of("echofuse-acquire", "list", folder)["runs"]:
             for what in "length_s", "labels", "verdict", "records", "status":
                 self.assertEqual(runs[run["name"]][what], run[what])
             self.assertEqual(len(runs[run["name"]]["map"]), 32 * 32)
@@ -358,8 +316,7 @@ class Server(unittest.TestCase):
             Client(here, path="/run/two/live")
 
     def test_newest_run_in_a_folder_is_the_one_that_started_last(self):
-        """The newest run is the run that started last, even if another file was written later. Other files in the
-        folder are ignored."""
+        """Other files in the folder are ignored."""
         fifo, earlier, junk = (self.dir / f"{name}.sqlite" for name in ("newest", "earlier", "junk"))
         os.mkfifo(fifo)
         fixtures.changed(self.run_file, earlier, "without the records after ?1", 3)
@@ -374,6 +331,4 @@ class Server(unittest.TestCase):
                 path.unlink()
 
 
-if __name__ == "__main__":
-    names = [f"Server.{name}" for name in sys.argv[2:]]
-    unittest.main(argv=[sys.argv[0], *names], verbosity=2)
+main(Server)

@@ -11,8 +11,7 @@ import tempfile
 import unittest
 
 import soak
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "fixtures"))
-from fixtures import change  # noqa: E402
+from fixtures import change
 
 program = pathlib.Path(sys.argv[1]).resolve()
 SCHEMA = json.loads((pathlib.Path(__file__).parents[2] / "config/schema.json").read_text(encoding="utf-8"))

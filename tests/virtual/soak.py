@@ -12,10 +12,12 @@ import importlib.machinery
 import importlib.util
 import os
 import pathlib
-import sqlite3
 import subprocess
 import sys
 import tempfile
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "fixtures"))
+from fixtures import query  # noqa: E402
 
 scripts = pathlib.Path(__file__).resolve().parents[2] / "scripts"
 WINDOW_S = 3
@@ -61,11 +63,8 @@ def main():
     with tempfile.TemporaryDirectory(prefix="echofuse-", dir=folder_in_memory) as name:
         folder = args.keep or pathlib.Path(name)
         cpu_s = record(args.program, folder / "whole", fault_text, slots, args.seed)
-        db = sqlite3.connect(folder / "whole/run.sqlite")
-        status, = db.execute("SELECT status FROM run").fetchone()
-        records, = db.execute("SELECT count(*) FROM record").fetchone()
-        late_s, = db.execute("SELECT max(closed_late_s) FROM record").fetchone()
-        events, = db.execute("SELECT count(*) FROM event").fetchone()
+        (status, records, late_s, events), = query(folder / "whole/run.sqlite", """
+            SELECT status, (SELECT count(*) FROM record), (SELECT max(closed_late_s) FROM record), (SELECT count(*) FROM event) FROM run""")
         print(f"{records} records of {slots}, {status}, {events} events, latest slot {1e3 * late_s:.3f} ms late, "
               f"{cpu_s:.1f} s of processor time")
         if (status, records, late_s) != ("complete", slots, 0):
