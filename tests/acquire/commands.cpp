@@ -23,30 +23,21 @@ const std::string nowhere = "bridge:tcp://" + host + ":9";
 const std::string tdc_nowhere = "[tdc]\naddress = \"" + nowhere + "\"\n";
 
 void refuses(const std::string& arguments, int code, const std::string& saying) {
-  const Outcome o = acquire(arguments);
-  CAPTURE(arguments, o.text);
-  CHECK(o.code == code);
-  CHECK(has(o.text, saying));
+  CAPTURE(arguments);
+  CHECK_THAT(text_of(acquire(arguments), code), Catch::Contains(saying));
 }
 
-Json json_of(const std::string& arguments) {
-  const Outcome o = acquire(arguments);
-  CAPTURE(arguments, o.text);
-  REQUIRE(o.code == 0);
-  return Json::parse(o.text);
-}
+Json json_of(const std::string& arguments) { return Json::parse(text_of(acquire(arguments))); }
 
 }  // namespace
 
 TEST_CASE("commands accept --help and --version, and durations such as 1h 30m 10s") {
   for (const char* command : {"", "run", "devices", "doctor", "config", "config check",
                               "config show", "info", "annotate", "list", "calibrate", "import"}) {
-    const Outcome o = acquire(std::string(command) + " --help");
-    CAPTURE(command, o.text);
-    CHECK(o.code == 0);
-    CHECK(has(o.text, "exit codes"));
-    const std::string name = command;
-    CHECK(has(o.text, "--quiet") == (name != "config"));
+    CAPTURE(command);
+    const std::string help = text_of(acquire(command + std::string(" --help")));
+    CHECK(has(help, "exit codes"));
+    CHECK(has(help, "--quiet") == (command != std::string("config")));
   }
   CHECK(has(test::acquire("--version").text, "echofuse-acquire "));
   for (const char* no_time : {"10", "2h30", "30m2h", "2h2h", "h", "''", "2h-30m", "2x", "nans"})
@@ -61,21 +52,17 @@ TEST_CASE(
   const Folder folder;
   const std::string path = folder / "lab.toml", config = " --config " + path;
   write_file(path, "[tdc]\naddress = \"bridge:tcp://127.0.0.1:9\"\nbin_width_ps = 50\n");
-  const Outcome good = test::acquire("config check" + config);
-  CHECK(good.code == 0);
-  CHECK(good.text == path + ": ok\n");
-  const Outcome shown = test::acquire("config show" + config + " --set tdc.bins=99");
-  CHECK(shown.code == 0);
-  CHECK(has(shown.text, "\nbins = 99  # --set tdc.bins=99\n"));
-  CHECK(has(shown.text, "\nbin_width_ps = 50  # " + path + ":3:1\n"));
-  CHECK(has(shown.text, "\nwindow_s = 3.0  # default\n"));
-  write_file(folder / "again.toml", shown.text);
-  const Outcome again = test::acquire("config show --config " + folder / "again.toml");
-  CHECK(has(again.text, "\nbins = 99  # " + folder / "again.toml:"));
-  const Outcome bad = test::acquire("config check" + config + " --set tdc.bins=0 --set a=1");
-  CHECK(bad.code == 3);
-  CHECK(has(bad.text, "--set tdc.bins=0: expected a whole number"));
-  CHECK(has(bad.text, "--set a=1: unknown key"));
+  CHECK(text_of(test::acquire("config check" + config)) == path + ": ok\n");
+  const std::string shown = text_of(test::acquire("config show" + config + " --set tdc.bins=99"));
+  CHECK(has(shown, "\nbins = 99  # --set tdc.bins=99\n"));
+  CHECK(has(shown, "\nbin_width_ps = 50  # " + path + ":3:1\n"));
+  CHECK(has(shown, "\nwindow_s = 3.0  # default\n"));
+  const std::string copy = folder / "again.toml";
+  write_file(copy, shown);
+  refuses("config show --config " + copy, 0, "\nbins = 99  # " + copy + ":");
+  const std::string bad = "config check" + config + " --set tdc.bins=0 --set a=1";
+  refuses(bad, 3, "--set tdc.bins=0: expected a whole number");
+  refuses(bad, 3, "--set a=1: unknown key");
   refuses("config check --config " + folder / "", 3, "is a folder; expected a regular file");
   refuses("config check --config /dev/zero", 3, "/dev/zero: is a device; expected a regular file");
   CHECK(test::acquire("config check --config /dev/stdin < " + path).code == 0);
@@ -110,20 +97,16 @@ TEST_CASE("commands exit with an error if standard output cannot be written") {
   for (const std::string& command :
        {"info " + folder / "a", "info --json " + folder / "a",
         "config show --config " + folder / "lab.toml", std::string("--help")}) {
-    const Outcome o = shell("(" + bin_dir + "/echofuse-acquire " + command + " > /dev/full)");
-    CAPTURE(command, o.text);
-    CHECK(o.code == 1);
-    CHECK(has(o.text, "stdout: cannot write: No space left on device"));
+    CAPTURE(command);
+    CHECK_THAT(text_of(shell("(" + bin_dir + "/echofuse-acquire " + command + " > /dev/full)"), 1),
+               Catch::Contains("stdout: cannot write: No space left on device"));
   }
 }
 
 TEST_CASE("the doctor command runs without a configuration file but stops if the file is invalid") {
   const Folder folder;
   const std::string here = "cd " + folder / "" + " && " + bin_dir + "/echofuse-acquire doctor";
-  const Outcome o = shell(here + " --json");
-  CAPTURE(o.text);
-  REQUIRE(o.code == 0);
-  const Json report = Json::parse(o.text);
+  const Json report = Json::parse(text_of(shell(here + " --json")));
   std::vector<std::string> checks;
   for (const auto& check : report["checks"]) checks.push_back(check["check"]);
   CHECK(std::count(checks.begin(), checks.end(), "clock") == 1);
@@ -132,14 +115,11 @@ TEST_CASE("the doctor command runs without a configuration file but stops if the
   CHECK(fs::is_empty(folder / ""));
   write_file(folder / "lab.toml",
              tdc_nowhere + "[run]\nfolder = \"no\"\nconnect_timeout_s = 0.2\n");
-  const Outcome nowhere = shell(here);
-  CHECK(nowhere.code == 4);
-  CHECK(has(nowhere.text, "cannot be used for a run"));
+  CHECK(has(text_of(shell(here), 4), "cannot be used for a run"));
   const std::string hook = " --set 'alert.on_doubt=[\"nowhere.sh\"]'";
-  const Outcome missing = shell(here + hook);
-  CHECK(missing.code == 3);
-  CHECK(has(missing.text, "problem  configuration --set alert.on_doubt"));
-  CHECK(has(missing.text, "nowhere.sh: not found, or not executable by this user"));
+  const std::string missing = text_of(shell(here + hook), 3);
+  CHECK(has(missing, "problem  configuration --set alert.on_doubt"));
+  CHECK(has(missing, "nowhere.sh: not found, or not executable by this user"));
   for (const char* command : {"config check", "run --count 1"})
     refuses(command + (" --config " + folder / "lab.toml") + hook, 3, "nowhere.sh: not found");
 }
@@ -159,11 +139,9 @@ TEST_CASE("the run command refuses a read-only folder") {
   // If the test runs as root, the command drops its privileges, because root may write to a
   // read-only folder.
   const std::string as_user = geteuid() == 0 ? "setpriv --bounding-set=-all --inh-caps=-all " : "";
-  const Outcome o =
-      shell(as_user + bin_dir + "/echofuse-acquire run --out " + folder / "closed/a" + config);
-  CAPTURE(o.text);
-  CHECK(o.code == 6);
-  CHECK(has(o.text, "closed/a.sqlite: its folder is not writable: Permission denied"));
+  const std::string run = "/echofuse-acquire run --out " + folder / "closed/a";
+  CHECK(has(text_of(shell(as_user + bin_dir + run + config), 6),
+            "closed/a.sqlite: its folder is not writable: Permission denied"));
 }
 
 TEST_CASE("calibrate runs without a calibration file and never overwrites an unreadable one") {
@@ -190,26 +168,19 @@ TEST_CASE("a run with silent devices reports each device in one line and creates
                                       "\"\ndata = \"serial:" + folder / "data" + "\"\ncfg = \"" +
                                       source_dir + "/config/radar/xwr68xx_paper_50cm.cfg\"\n");
   const std::string config = " --config " + folder / "lab.toml";
-  const Outcome o = test::acquire("run -q --out " + folder / "a" + config);
-  CAPTURE(o.text);
-  CHECK(o.code == 4);
-  CHECK(has(o.text, "\nspd " + nowhere + ": faulted: "));
-  CHECK(has(o.text, "\nradar serial:" + folder / "cli" + ": faulted: "));
+  const std::string said = text_of(test::acquire("run -q --out " + folder / "a" + config), 4);
+  CHECK(has(said, "\nspd " + nowhere + ": faulted: "));
+  CHECK(has(said, "\nradar serial:" + folder / "cli" + ": faulted: "));
   CHECK_FALSE(fs::exists(folder / "a.sqlite"));
-  const Outcome devices = test::acquire("devices --json" + config);
-  CHECK(devices.code == 4);
-  const Json list = Json::parse(devices.text)["configured"];
+  const Json list = Json::parse(text_of(test::acquire("devices --json" + config), 4))["configured"];
   REQUIRE(list.size() == 2);
   CHECK(list[0]["answers"] == false);
 }
 
 TEST_CASE("the devices command lists attached devices if no configuration file exists") {
   const Folder folder;
-  const Outcome o =
-      shell("cd " + folder / "" + " && " + bin_dir + "/echofuse-acquire devices --json");
-  CAPTURE(o.text);
-  REQUIRE(o.code == 0);
-  const Json all = Json::parse(o.text);
+  const Json all = Json::parse(
+      text_of(shell("cd " + folder / "" + " && " + bin_dir + "/echofuse-acquire devices --json")));
   CHECK(all["configured"] == Json::array());
   CHECK(all["attached"]["usb"].is_array());
   CHECK(all["attached"]["openni"].is_array());

@@ -342,11 +342,9 @@ TEST_CASE("import refuses an invalid recording with a one-line message") {
   write_file(folder / "a.ttbin", "");
   config_of(folder);
   const auto refuses = [&](const std::string& file, int code, const std::string& saying) {
-    const Outcome o = echofuse::test::acquire("import --config " + folder / "lab.toml" + " --out " +
-                                              folder / "run" + " " + folder / file);
-    CAPTURE(o.text);
-    CHECK(o.code == code);
-    CHECK(has(o.text, saying));
+    const std::string command = "import --config " + folder / "lab.toml" + " --out ";
+    CHECK_THAT(text_of(test::acquire(command + folder / "run" + " " + folder / file), code),
+               Catch::Contains(saying));
     CHECK_FALSE(fs::exists(folder / "run.sqlite"));
   };
   refuses("a.ptu", 1, "does not begin with PQTTTR");

@@ -2,7 +2,6 @@
 #include "acquire/run/journal.hpp"
 
 #include <spdlog/spdlog.h>
-#include <sqlite3.h>
 
 #include <future>
 
@@ -35,25 +34,12 @@ void wait_for_lock(const Journal& journal) {
 }
 
 // Keeps a write transaction open, as another program writing to the run file would.
-class Holder {
- public:
-  explicit Holder(const std::string& path) {
-    REQUIRE(sqlite3_open(path.c_str(), &db_) == SQLITE_OK);
-    ask("BEGIN IMMEDIATE");
-  }
-  ~Holder() { sqlite3_close(db_); }
-  Holder(const Holder&) = delete;
-  Holder& operator=(const Holder&) = delete;
-  void ask(const char* statement) {
-    REQUIRE(sqlite3_exec(db_, statement, nullptr, nullptr, nullptr) == SQLITE_OK);
-  }
+struct Holder : OtherProgram {
+  explicit Holder(const std::string& path) : OtherProgram(path) { ask("BEGIN IMMEDIATE"); }
   void let_go() {
     ask("COMMIT");
-    sqlite3_close(std::exchange(db_, nullptr));
+    db.reset();
   }
-
- private:
-  sqlite3* db_ = nullptr;
 };
 
 // Checks that finish() waits no longer than 2 s (instead of 30 s) for another program that locks a
@@ -108,9 +94,7 @@ TEST_CASE("the run journal drops data if the disk is slow and ends the run if th
     for (std::int64_t i = 4; i < 30; ++i) journal.put(small_record(i));
     CHECK(journal.failed());
     disk.set_value();
-    const auto [code, text] = error_of([&] { journal.finish("complete"); });
-    CHECK(code == ExitCode::disk);
-    CHECK(has(text, "disk too slow; its last "));
+    check_error(ExitCode::disk, "disk too slow; its last ", [&] { journal.finish("complete"); });
     CHECK(record::RunReader(folder / "a.sqlite").info().status == "stopped:disk");
   }
 }
@@ -137,10 +121,9 @@ TEST_CASE(
     for (std::int64_t i = 5; i < 30; ++i) journal.put(small_record(i));
     CHECK(journal.failed());
     holder.let_go();
-    const auto [code, text] = error_of([&] { journal.finish("complete"); });
-    CHECK(code == ExitCode::disk);
-    CHECK(text ==
-          "another program is writing to the run file; its last 9 records were not written");
+    check_error(ExitCode::disk,
+                "another program is writing to the run file; its last 9 records were not written",
+                [&] { journal.finish("complete"); });
     CHECK(record::RunReader(path).count() == 21);
   }
 }
@@ -231,9 +214,8 @@ TEST_CASE("a run keeps all its records if the next file of the rotation cannot b
     write_file(next, "others'");
     rotate(journal, next);
     journal.put(small_record(1));
-    const auto [code, text] = error_of([&] { journal.finish("complete"); });
-    CHECK(code == ExitCode::failed);
-    CHECK(has(text, next + ": exists already"));
+    const std::string text = check_error(ExitCode::failed, next + ": exists already",
+                                         [&] { journal.finish("complete"); });
     CHECK(has(text, "its last 1 records were not written"));
     CHECK(record::RunReader(path).info().status == "stopped:failed");
     CHECK(contents(next) == "others'");
@@ -245,7 +227,7 @@ TEST_CASE("a run keeps all its records if the next file of the rotation cannot b
       rotate(journal, next);
       while (!journal.failed()) std::this_thread::yield();
     }
-    CHECK(error_of([&] { journal.finish("complete"); }).first == ExitCode::disk);
+    check_error(ExitCode::disk, "", [&] { journal.finish("complete"); });
     CHECK(record::RunReader(path).info().status == "stopped:disk");
     for (const char* beside : {"", "-new", "-new-journal"}) CHECK_FALSE(fs::exists(next + beside));
   }

@@ -36,15 +36,12 @@ unsigned mode_of(const std::string& path) {
 TEST_CASE("the configuration file in the current folder takes precedence over the user's file") {
   const Folder folder;
   if (fs::exists("/etc/echofuse/lab.toml")) return;  // an installed lab.toml would be used instead
-  const Outcome none = at_home(folder, "", "config check");
-  CHECK(none.code == 3);
-  CHECK(has(none.text, "searched ./lab.toml, ~/.config/echofuse/lab.toml, /etc/echofuse"));
+  CHECK(has(text_of(at_home(folder, "", "config check"), 3),
+            "searched ./lab.toml, ~/.config/echofuse/lab.toml, /etc/echofuse"));
   CHECK(at_home(folder, "", "run --count 1").code == 3);
   const auto first_line = [&](const std::string& environment, const std::string& more = "") {
-    const Outcome o = at_home(folder, environment, "config show" + more);
-    CAPTURE(o.text);
-    CHECK(o.code == 0);
-    return o.text.substr(0, o.text.find('\n'));
+    const std::string shown = text_of(at_home(folder, environment, "config show" + more));
+    return shown.substr(0, shown.find('\n'));
   };
   fs::create_directories(folder / ".config/echofuse");
   fs::create_directories(folder / "xdg/echofuse");
@@ -57,9 +54,8 @@ TEST_CASE("the configuration file in the current folder takes precedence over th
   CHECK(first_line(xdg) == "# lab.toml (./lab.toml)");
   CHECK(first_line("ECHOFUSE_CONFIG=other.toml") == "# other.toml ($ECHOFUSE_CONFIG)");
   CHECK(first_line("ECHOFUSE_CONFIG=none", " --config lab.toml") == "# lab.toml (--config)");
-  const Outcome wrong = at_home(folder, "ECHOFUSE_CONFIG=none.toml", "doctor");
-  CHECK(wrong.code == 3);
-  CHECK(has(wrong.text, "none.toml: cannot read"));
+  CHECK(has(text_of(at_home(folder, "ECHOFUSE_CONFIG=none.toml", "doctor"), 3),
+            "none.toml: cannot read"));
 }
 
 TEST_CASE("a radar cfg is searched for next to the configuration file, then among installed cfgs") {
@@ -126,14 +122,12 @@ TEST_CASE("the list command shows notes that were added during and after a run")
   CHECK(note("first light") == 0);
   CHECK(note("the lens was dirty") == 0);
   CHECK(test::acquire("annotate " + folder / "other" + " text").code == 1);
-  const Outcome text = test::acquire("list " + folder / "");
-  CAPTURE(text.text);
-  CHECK(text.code == 0);
-  CHECK(has(text.text, "monday   2026-11-23T08:00"));
-  CHECK(has(text.text, "first light; the lens was dirty\n"));
-  CHECK(text.text.find("monday") < text.text.find("tuesday"));
-  CHECK(has(text.text, "not listed: " + folder / "other.sqlite: not an echofuse run file"));
-  CHECK_FALSE(has(text.text, "text.txt"));
+  const std::string text = text_of(test::acquire("list " + folder / ""));
+  CHECK(has(text, "monday   2026-11-23T08:00"));
+  CHECK(has(text, "first light; the lens was dirty\n"));
+  CHECK(text.find("monday") < text.find("tuesday"));
+  CHECK(has(text, "not listed: " + folder / "other.sqlite: not an echofuse run file"));
+  CHECK_FALSE(has(text, "text.txt"));
   const std::string program = bin_dir + "/echofuse-acquire";
   const Json all = Json::parse(
       shell("(" + program + " list --json " + folder / "" + " 2>/dev/null)").text)["runs"];

@@ -85,8 +85,8 @@ TEST_CASE("a copy of an open run that lacks its -wal file is refused and not cha
     check_error(ExitCode::failed, "a copy without its -wal file",
                 [&] { put_note(path, "door", "me"); });
   }
-  write_file(path + "-wal",
-             "");  // an empty -wal file, like the one that SQLite creates for a reader
+  // An empty -wal file, like the one that SQLite creates for a reader.
+  write_file(path + "-wal", "");
   recover(path);
   CHECK(RunReader(path).info().status == crashed_without_wal);
   fs::remove(path + "-wal");
@@ -148,20 +148,16 @@ TEST_CASE("an open run is read only together with its own -wal file") {
   CHECK(RunReader(folder / "whole.sqlite").info().meta.empty());
   recover(folder / "whole.sqlite");
   CHECK(RunReader(folder / "whole.sqlite").count() == 35);
-  const std::string keyed = "SELECT 1 FROM run WHERE json_extract(meta, '$.wal_key') NOTNULL";
-  const auto has_key = [&](const std::string& file) {
-    const DatabaseHandle db = open_database(file, "cannot open");
-    return Statement(db.get(), file, keyed.c_str()).step();
-  };
-  CHECK_FALSE(has_key(folder / "whole.sqlite"));
+  CHECK(sql(folder / "whole.sqlite",
+            "SELECT 1 FROM run WHERE json_extract(meta, '$.wal_key') NOTNULL")
+            .empty());
 
   fs::copy_file(other + "-wal", path + "-wal", fs::copy_options::overwrite_existing);
   fs::remove(path + "-shm");
   const std::string before = contents(path);
   recover(path);
-  const auto [code, text] = error_of([&] { RunReader run(path); });
-  CHECK(code == ExitCode::failed);
-  CHECK(has(text, path + "-wal belongs to another run (key "));
+  const std::string text = check_error(ExitCode::failed, path + "-wal belongs to another run (key ",
+                                       [&] { RunReader run(path); });
   CHECK(error_of([&] { put_note(path, "door", "me"); }).second == text);
   CHECK(contents(path) == before);
   CHECK_FALSE(fs::exists(path + "-shm"));

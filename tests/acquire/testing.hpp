@@ -7,6 +7,7 @@
 #include "../fixtures/folder.hpp"
 #include "../fixtures/run.hpp"
 #include "../fixtures/shell.hpp"
+#include "acquire/record/sqlite.hpp"
 
 namespace echofuse::test {
 
@@ -19,6 +20,22 @@ inline void write_file(const std::string& path, const std::string& text) {
 inline Outcome acquire(const std::string& arguments) {
   return shell(bin_dir + "/echofuse-acquire " + arguments);
 }
+
+// Returns the output of a command, which must have the exit code `code`.
+inline std::string text_of(const Outcome& outcome, int code = 0) {
+  CAPTURE(outcome.text);
+  REQUIRE(outcome.code == code);
+  return outcome.text;
+}
+
+// Connection of another program to a run file, for example during a transaction.
+struct OtherProgram {
+  explicit OtherProgram(const std::string& path) : db(record::open_database(path, "cannot open")) {}
+  void ask(const char* statements) {
+    record::execute(db.get(), "other program", statements, "cannot run");
+  }
+  record::DatabaseHandle db;
+};
 
 // Returns the warnings in a run that do not refer to a single record, one per line.
 inline std::string warnings_of(const std::string& path) {
