@@ -129,13 +129,11 @@ TEST_CASE("a run without antenna arrays is readable, and an invalid array gives 
   const auto refused = [&](const std::string& change, const std::vector<Value>& values,
                            const std::string& why) {
     damaged(path, dir / "bad", change, values);
-    const auto [code, text] = error_of([&] {
+    check_error(ExitCode::failed, why, [&] {
       const RunReader run(dir / "bad");
       run.antennas();
       run.read(0);
     });
-    CHECK(code == ExitCode::failed);
-    CHECK_THAT(text, Catch::Contains(why));
   };
   refused("antenna data of one byte in record ?1", {0}, "record 0: array has 1 bytes");
   refused("axis ?1 has the scale ?2", {"array", 13}, "expected 1 to 12");
@@ -148,18 +146,6 @@ TEST_CASE("a run without antenna arrays is readable, and an invalid array gives 
   const RunReader without(path);
   CHECK(without.antennas().empty());
   CHECK(power(without.read(0)) == power(wrote));
-}
-
-TEST_CASE("an antenna array that does not match its axis is not written") {
-  const Folder dir;
-  const auto writer = a_small_run(0).only_axes(two_bins).open(dir / "run");
-  FusedRecord r;
-  r.valid.insert(Sensor::radar);
-  power(r) = {1, 2};
-  antenna_data(r).resize(5);
-  const auto [code, text] = error_of([&] { writer->append(r); });
-  CHECK(code == ExitCode::failed);
-  CHECK_THAT(text, Catch::Contains("record 0: array has 5 values, but its axis has 164"));
 }
 
 TEST_CASE("beamforming recovers the direction and the power of a wave despite channel errors") {

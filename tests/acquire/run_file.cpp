@@ -245,22 +245,29 @@ TEST_CASE("an invalid record is refused, and the error contains the record numbe
 }
 
 TEST_CASE("a record that does not match the axes of its run is not written") {
+  const auto [change, words] = GENERATE(table<void (*)(FusedRecord&), const char*>(
+      {{[](FusedRecord& r) { counts(r).pop_back(); }, "spd has 23 values, but its axis has 24"},
+       {[](FusedRecord& r) { power(r).pop_back(); }, "radar has 3 values, but its axis has 4"},
+       {[](FusedRecord& r) { antenna_data(r) = {1}; }, "array has 1 values, but its axis has 328"},
+       {[](FusedRecord& r) { depth_mm(r).pop_back(); },
+        "depth has 5 values, but its axis has 6"}}));
   const Folder folder;
-  const auto run = a_small_run(0).open(folder / "a.sqlite");
-  auto record = small_record(0);
-  counts(record).pop_back();
-  CHECK(has(error_of([&] { run->append(record); }).second, "spd has 7 values, but its axis has 8"));
-  run->append(small_record(0));
+  const RunBuilder whole = a_small_run(1).zones(Zones(3)).antennas(Antennas(8));
+  const auto run = RunBuilder(whole).records(0).open(folder / "a.sqlite");
+  check_error(ExitCode::failed, std::string("record 0: ") + words,
+              [&] { run->append(RunBuilder(whole).each(change).made()); });
+  run->append(whole.made());
   CHECK(run->records() == 1);
 }
 
 TEST_CASE("network file systems are recognised, and only closed runs are read from them") {
-  CHECK(network_of_type(0x6969) == "NFS");
-  CHECK(network_of_type(0xff534d42) == "SMB");
-  CHECK(network_of_type(0x0bd00bd0) == "Lustre");
-  CHECK(network_of_type(0x01021997) == "9p");
-  CHECK(network_of_type(0x786f4256) == "vboxsf");
-  CHECK(network_of_type(0xef53).empty());  // 0xef53 is ext4, which is not a network file system
+  for (const auto& [type, name] : {std::pair{0x6969u, "NFS"},
+                                   {0xff534d42u, "SMB"},
+                                   {0x0bd00bd0u, "Lustre"},
+                                   {0x01021997u, "9p"},
+                                   {0x786f4256u, "vboxsf"},
+                                   {0xef53u, ""}})  // ext4 is not a network file system
+    CHECK(network_of_type(type) == name);
   const auto mounted = [](const std::string& device) {
     std::istringstream lines(
         "36 27 0:31 / /mnt/host rw,relatime shared:1 - virtiofs data rw\n"
