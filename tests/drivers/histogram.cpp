@@ -63,22 +63,6 @@ TEST_CASE("each click is counted once, in the bin of its delay after the last st
         TagCounts{.tags = 9, .starts = 2, .in_range = 5, .out_of_range = 2, .backwards = 2});
 }
 
-TEST_CASE("clicks without a start, markers and tags of other channels are counted separately") {
-  Histogram h({.bin_width_ps = 100, .first_bin_ps = 0, .bins = 10});
-  h.add(std::vector{tag(2, 5), tag(3, 6), tag(1, 10), marker(TagType::missed_events, 2, 40),
-                    marker(TagType::missed_events, 9, 1000), marker(TagType::missed_events, 1, 2),
-                    tag(2, 20), marker(TagType::overflow_begin), tag(2, 30),
-                    marker(TagType::overflow_end), tag(1, 40), marker(TagType::error), tag(2, 50)});
-  CHECK(h.tag_counts() == TagCounts{.tags = 13,
-                                    .starts = 2,
-                                    .in_range = 1,
-                                    .without_start = 3,
-                                    .other = 7,
-                                    .missed = 42,
-                                    .overflows = 1,
-                                    .errors = 1});
-}
-
 TEST_CASE("the last start is kept across slots but not across a gap in the tags") {
   Histogram h({.bin_width_ps = 100, .first_bin_ps = 0, .bins = 10});
   h.add(std::vector{tag(1, 0), tag(2, 50)});
@@ -90,26 +74,6 @@ TEST_CASE("the last start is kept across slots but not across a gap in the tags"
   h.add(std::vector{tag(2, 250)});
   CHECK(h.tag_counts() == TagCounts{.tags = 1, .without_start = 1});
   CHECK(h.counts() == std::vector<std::uint32_t>(10));
-}
-
-TEST_CASE("start tags inside an overflow interval are ignored") {
-  Histogram h({.bin_width_ps = 100, .first_bin_ps = 0, .bins = 10});
-  h.add(std::vector{marker(TagType::overflow_begin), tag(1, 0), tag(2, 50),
-                    marker(TagType::overflow_end), tag(2, 60), tag(1, 100), tag(2, 150)});
-  CHECK(h.tag_counts() ==
-        TagCounts{
-            .tags = 7, .starts = 2, .in_range = 1, .without_start = 2, .other = 2, .overflows = 1});
-}
-
-TEST_CASE("invalid tags and backward time stamps are counted") {
-  Histogram h({.bin_width_ps = 100, .first_bin_ps = 0, .bins = 10});
-  Tag reserved = tag(2, 20);
-  reserved.reserved = 1;
-  h.add(std::vector{tag(1, -10), marker(static_cast<TagType>(5), 1), reserved, tag(2, 20),
-                    tag(2, 10)});
-  CHECK(
-      h.tag_counts() ==
-      TagCounts{.tags = 5, .starts = 1, .in_range = 2, .other = 2, .bad_tags = 2, .backwards = 1});
 }
 
 TEST_CASE("the tag filter delays and sorts tags and removes tags within the dead time") {

@@ -1,7 +1,4 @@
 // SPDX-License-Identifier: MIT
-#include <Eigen/Cholesky>
-#include <Eigen/Core>
-
 #include "recon/models/model.hpp"
 #include "world.hpp"
 
@@ -28,21 +25,6 @@ const Dataset& plates() {
 }
 
 }  // namespace
-
-TEST_CASE("ridge regression predicts finite maps for repeated, constant or too many inputs") {
-  Matrix x = random_matrix(30, 60, 3);
-  for (std::size_t i = 0; i < 30; ++i) {
-    x.row(i)[1] = x.row(i)[0];
-    x.row(i)[2] = 7;
-  }
-  const Matrix y = random_matrix(30, 4096, 4);
-  const auto ridge = kind_of("ridge").make();
-  ridge->fit({x, y, all_rows(30)}, {x, y, {}}, {});
-  for (const float v : ridge->predict(x).values) REQUIRE(std::isfinite(v));
-  const Matrix same(5, 4);
-  ridge->fit({same, y, all_rows(5)}, {same, y, {}}, {});
-  for (const float v : ridge->predict(same).values) REQUIRE(std::isfinite(v));
-}
 
 TEST_CASE("the nearest-neighbour model returns the stored map of a training record") {
   const Matrix x = random_matrix(20, 10, 5), y = random_matrix(20, 4096, 6);

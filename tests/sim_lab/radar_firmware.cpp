@@ -136,15 +136,6 @@ TEST_CASE("a complete cfg starts the simulated radar and defines its range axis"
   }
 }
 
-TEST_CASE("simulated radar firmware of SDK 3.4 does not require the command calibData to start") {
-  Console console(4);
-  CHECK_THAT(console.send("version\n"), Catch::Contains("mmWave SDK Version      : 03.04.00.03"));
-  CHECK_THAT(console.send("calibData 0 0 0\n"),
-             Catch::Contains("'calibData' is not recognized as a CLI command"));
-  configure(console, "none", GENERATE("xwr68xx_paper_50cm_sdk3.4.cfg", "xwr68xx_44mm_sdk3.4.cfg"));
-  CHECK(console.send("sensorStart\n") == "sensorStart\nDone\n\rmmwDemo:/>");
-}
-
 TEST_CASE("the simulated radar starts, stops and restarts on command") {
   Console console;
   configure(console);
