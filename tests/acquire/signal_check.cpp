@@ -54,12 +54,15 @@ class Laboratory {
   Rng rng_ = make_rng(11, 0);
 };
 
-std::array<std::string, 3> verdicts(SignalCheck& check, record::FusedRecord r) {
-  check.assess(r, axes());
-  return {r.sync[Sensor::spd].verdict.text(), r.sync[Sensor::radar].verdict.text(),
-          r.sync[Sensor::depth].verdict.text()};
-}
 using Verdicts = std::array<std::string, 3>;
+
+// Returns the verdicts of a record. The check must not change which sensors are valid.
+Verdicts verdicts(SignalCheck& check, record::FusedRecord r) {
+  const SensorSet valid = r.valid;
+  check.assess(r, axes());
+  CHECK(r.valid == valid);
+  return {verdict(r, Sensor::spd), verdict(r, Sensor::radar), verdict(r, Sensor::depth)};
+}
 const Verdicts all_ok{"ok", "ok", "ok"};
 
 }  // namespace
@@ -89,9 +92,7 @@ TEST_CASE("a laser signal that is a thousand times too weak is reported in the f
   CHECK_THAT(
       v[0], StartsWith("weak: ") && Catch::Contains(" clicks above the background (minimum 1000)"));
   CHECK(v[1] == "ok");
-  SignalLimits off;
-  off.spd_clicks = 0;
-  SignalCheck indulgent(off, 3);
+  SignalCheck indulgent({.spd_clicks = 0}, 3);
   CHECK(verdicts(indulgent, lab.record()) == all_ok);
 }
 
@@ -158,9 +159,7 @@ TEST_CASE("more than one click in 20 pulses or a clipped radar lobe gives the ve
   r.sync[Sensor::radar].used = 1;  // with a single frame, two bins may have equal powers
   for (float& p : power(r)) p = p == clipped ? p : 0.98F * p;
   CHECK(verdicts(check, r)[1] == "ok");
-  SignalLimits off;
-  off.clicks_per_pulse = 0;
-  SignalCheck indulgent(off, 3);
+  SignalCheck indulgent({.clicks_per_pulse = 0}, 3);
   CHECK(verdicts(indulgent, r)[0] == "ok");
 }
 
@@ -202,19 +201,14 @@ TEST_CASE("a record with less than 80 % of the expected frames or pulses has the
     r.sync[Sensor::radar].used = r.sync[Sensor::radar].arrived = radar;
     r.sync[Sensor::depth].arrived = depth;
     r.sync[Sensor::depth].lost = depth < 90 ? 90 - depth : 0;
-    check.assess(r, axes());
-    CHECK(r.valid == SensorSet::from_bits(7));
-    return Verdicts{r.sync[Sensor::spd].verdict.text(), r.sync[Sensor::radar].verdict.text(),
-                    r.sync[Sensor::depth].verdict.text()};
+    return verdicts(check, r);
   };
   for (int i = 0; i < 6; ++i) CHECK(with(3000, 60, 90) == all_ok);
   CHECK(with(2400, 48, 72) == all_ok);
   CHECK(with(2100, 47, 45) == Verdicts{"lossy: 70 % of the 3000 expected start pulses received",
                                        "lossy: 78 % of the 60 expected frames received",
                                        "lossy: 50 % of the 90 frames received"});
-  SignalLimits off;
-  off.lossy_share = 0;
-  check = SignalCheck(off, 3, {1000, 20, 30});
+  check = SignalCheck({.lossy_share = 0}, 3, {1000, 20, 30});
   CHECK(with(300, 3, 3) == all_ok);
 }
 
@@ -255,9 +249,7 @@ TEST_CASE("missing start pulses are not reported if the tagger uses a conditiona
   // remain of 1e6 laser pulses.
   counts(r)[0] += 1, power(r)[0] += 1e5F, depth_mm(r)[0] += 1;
   r.signal.clicks_per_pulse = 1;
-  SignalLimits bright;
-  bright.clicks_per_pulse = 0;
-  check = SignalCheck(bright, 1, {1e6, 0, 0});
+  check = SignalCheck({.clicks_per_pulse = 0}, 1, {1e6, 0, 0});
   CHECK_THAT(verdicts(check, r)[0], StartsWith("lossy: 1 % of the 1000000 expected start pulses"));
 }
 
