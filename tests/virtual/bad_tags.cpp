@@ -4,8 +4,7 @@
 #include "bridged_device.hpp"
 
 using namespace std::chrono_literals;
-using test::has;
-using test::Strings;
+using namespace echofuse::test;
 
 namespace {
 
@@ -32,22 +31,23 @@ void ordinary(std::vector<Tag>& out, std::int64_t i, std::int64_t at) {
 struct Outcome {
   Strings events;
   std::vector<record::FusedRecord> records;
-  std::string verdict(std::size_t i) const {
-    return records.at(i).sync[Sensor::spd].verdict.text();
+  bool reported(const std::string& part) const {
+    return std::ranges::any_of(events, [&](const auto& e) { return e.find(part) != e.npos; });
   }
+  std::string verdict(std::size_t i) const { return test::verdict(records.at(i), Sensor::spd); }
 };
 
 // Records a run with a tagger that sends start pulses at 4 kHz through the bridge protocol.
 Outcome run_of(const Stream& stream, const std::vector<std::string>& settings = {}) {
-  test::Bench b({.window_s = 1, .assignments = "[signal]\nspd_clicks = 10\n"});
+  Bench b({.window_s = 1, .assignments = "[signal]\nspd_clicks = 10\n"});
   b.lab->set({"radar.cli=", "radar.data=", "depth.address=", "tdc.first_bin_ps=13343",
               "tdc.bins=336", "tdc.bin_width_ps=100"});
   for (const auto& setting : settings) b.lab->set({setting}, false);
   auto& loop = b.lab->loop;
   HostTime began{};
   std::int64_t pulse = 0;
-  test::BridgedDevice tagger(
-      loop, R"({"model":"Tagger","serial":"T1","firmware":"1"})", [&](test::BridgedDevice& device) {
+  BridgedDevice tagger(
+      loop, R"({"model":"Tagger","serial":"T1","firmware":"1"})", [&](BridgedDevice& device) {
         if (device.number() == 1) began = loop.now() - 50ms, pulse = 0;
         std::vector<Tag> tags;
         const std::int64_t end = (loop.now() - began).count() * ns / period;
@@ -58,7 +58,7 @@ Outcome run_of(const Stream& stream, const std::vector<std::string>& settings = 
           device.send(sim::BlockKind::tags, Bytes(bytes, bytes + tags.size() * sizeof(Tag)));
       });
   loop.ports[b.lab->config().tdc.address] = tagger.listener.opener();
-  REQUIRE(b.lab->record(b.run(10)) == ExitCode::ok);
+  b.record(10);
   Strings events = b.events("spd");
   // Removes the events that report verdicts.
   std::erase_if(events, [](const auto& e) { return e.starts_with("record "); });
@@ -70,7 +70,7 @@ Outcome run_of(const Stream& stream, const std::vector<std::string>& settings = 
 TEST_CASE("a tag stream that has no faults causes no event") {
   const Outcome run = run_of({.pulse = ordinary});
   CHECK(run.events == Strings{});
-  for (const auto& r : run.records) CHECK(r.sync[Sensor::spd].verdict.text() == "ok");
+  for (const auto& r : run.records) CHECK(verdict(r, Sensor::spd) == "ok");
 }
 
 TEST_CASE("tag times that wrap are unwrapped and cause an event") {
@@ -100,9 +100,7 @@ TEST_CASE("a tagger clock that drifts from the host clock is reported") {
       {{1000, "1/1000 of the rate of the host clock"}, {2, "1/2 of"}}));
   const Outcome run =
       run_of({.pulse = ordinary, .time = [d = divisor](std::int64_t t) { return t / d; }});
-  CHECK(std::ranges::any_of(run.events, [&, t = std::string(text)](const auto& e) {
-    return e.find("the tagger's clock runs at " + t) != std::string::npos;
-  }));
+  CHECK(run.reported(std::string("the tagger's clock runs at ") + text));
   for (const auto& r : run.records) {  // arrival times are used instead of tag times
     CHECK(r.has(Sensor::spd));
     CHECK_FALSE(r.clocks[Sensor::spd].has_value());
@@ -116,9 +114,7 @@ TEST_CASE("a tagger overflow that never ends causes a verdict and an event") {
   }});
   CHECK_THAT(run.verdict(9), Catch::StartsWith("in overflow: for "));
   CHECK_FALSE(run.records[9].has(Sensor::spd));
-  CHECK(std::ranges::any_of(run.events, [](const auto& e) {
-    return e.find("1 overflows that did not end within 3 s") != std::string::npos;
-  }));
+  CHECK(run.reported("1 overflows that did not end within 3 s"));
 }
 
 TEST_CASE("a tagger overflow is not reported as endless if it ends or reports missed events") {
@@ -127,7 +123,7 @@ TEST_CASE("a tagger overflow is not reported as endless if it ends or reports mi
     if (i == 18'000) out.push_back(tag(0, at, TagType::overflow_end));
     ordinary(out, i, at);
   }});
-  CHECK_FALSE(has(run.events, "1 overflows"));
+  CHECK_FALSE(run.reported("1 overflows"));
   CHECK(run.verdict(9) == "ok");
 }
 

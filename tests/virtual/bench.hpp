@@ -47,11 +47,16 @@ struct Bench {
   }
   record::RunReader reader() const { return record::RunReader(folder / "run.sqlite"); }
   std::vector<FusedRecord> records() const { return records_of(folder / "run.sqlite"); }
+  // Records `count` slots without an error, and returns the records.
+  std::vector<FusedRecord> record(std::int64_t count) {
+    REQUIRE(lab->record(run(count)) == ExitCode::ok);
+    return records();
+  }
   Strings verdicts(Sensor sensor) const {
     Strings all;
     for (const auto& r : records()) {
-      const std::string& verdict = r.sync[sensor].verdict.text();
-      all.push_back(verdict.substr(0, verdict.find(':')));
+      const std::string text = verdict(r, sensor);
+      all.push_back(text.substr(0, text.find(':')));
     }
     return all;
   }
@@ -82,7 +87,7 @@ inline sim::Fault fault(const char* device, sim::FaultKind kind, double at_s, do
 }
 
 inline bool has(const Strings& all, const std::string& beginning) {
-  return std::any_of(all.begin(), all.end(), [&](auto& t) { return t.starts_with(beginning); });
+  return std::ranges::any_of(all, [&](auto& t) { return t.starts_with(beginning); });
 }
 
 }  // namespace echofuse::test

@@ -14,24 +14,19 @@
 
 using namespace echofuse::test;
 using sim::FaultKind;
-using test::Bench;
-using test::fault;
-using test::has;
-using test::Strings;
 using namespace std::chrono_literals;
 
 TEST_CASE(
     "a run without device faults has a complete record for each slot and no lost or late data") {
   Bench b;
-  CHECK(b.lab->record(b.run(40)) == ExitCode::ok);
-  const auto all = b.records();
+  const auto all = b.record(40);
   REQUIRE(all.size() == 40);
   b.check_slots(3s);
   std::set<std::vector<float>> profiles;
   for (const auto& r : all) {
     CHECK(r.valid.bits() == 7);
     for (const Sensor s : all_sensors) {
-      CHECK(r.sync[s].verdict.text() == "ok");
+      CHECK(verdict(r, s) == "ok");
       CHECK(r.sync[s].lost == 0);
     }
     CHECK(r.sync[Sensor::radar].used == 12);
@@ -47,19 +42,17 @@ TEST_CASE(
   Bench b({.faults = {fault("tdc", FaultKind::unplug, 30, 30),
                       fault("radar", FaultKind::unplug, 30, 30),
                       fault("depth", FaultKind::unplug, 30, 30)}});
-  CHECK(b.lab->record(b.run(40)) == ExitCode::ok);
+  const auto all = b.record(40);
   b.check_slots(3s);
-  const auto all = b.records();
   REQUIRE(all.size() == 40);
-  const auto silent =
-      std::count_if(all.begin(), all.end(), [](auto& r) { return r.valid.empty(); });
+  const auto silent = std::ranges::count_if(all, [](auto& r) { return r.valid.empty(); });
   CHECK(silent >= 8);  // eight of the ten slots contain no data at all
   CHECK(silent <= 9);
   for (const auto& r : all)
     if (r.valid.empty()) {
-      CHECK(r.sync[Sensor::spd].verdict.text() == "no tags");
-      CHECK(r.sync[Sensor::radar].verdict.text() == "no frames");
-      CHECK(r.sync[Sensor::depth].verdict.text() == "no frames");
+      CHECK(verdict(r, Sensor::spd) == "no tags");
+      CHECK(verdict(r, Sensor::radar) == "no frames");
+      CHECK(verdict(r, Sensor::depth) == "no frames");
     }
   CHECK(all.front().valid.bits() == 7);
   CHECK(all.back().valid.bits() == 7);
@@ -74,21 +67,18 @@ TEST_CASE("missing and unconfigured devices have different verdicts") {
   Bench b;
   b.unplug_radar();
   b.lab->set({"depth.address="});
-  CHECK(b.lab->record(b.run(4)) == ExitCode::ok);
-  for (const auto& r : b.records()) {
+  for (const auto& r : b.record(4)) {
     CHECK(r.valid.bits() == 1);
-    CHECK(r.sync[Sensor::radar].verdict.text() == "no frames");
-    CHECK(r.sync[Sensor::depth].verdict.text() == "not configured");
+    CHECK(verdict(r, Sensor::radar) == "no frames");
+    CHECK(verdict(r, Sensor::depth) == "not configured");
   }
   CHECK(has(b.events("radar"), "no data at the start"));
 }
 
 TEST_CASE("records that lack data of a required device are incomplete") {
   Bench b({.faults = {fault("radar", FaultKind::unplug, 30, 15)}, .radar_required = true});
-  CHECK(b.lab->record(b.run(20)) == ExitCode::ok);
-  const auto all = b.records();
-  const auto incomplete =
-      std::count_if(all.begin(), all.end(), [](auto& r) { return !r.has(Sensor::radar); });
+  const auto all = b.record(20);
+  const auto incomplete = std::ranges::count_if(all, [](auto& r) { return !r.has(Sensor::radar); });
   CHECK(incomplete >= 4);
   CHECK(b.reader().summary().incomplete == incomplete);
   CHECK(b.reader().summary().policies.at("radar") == "required");
@@ -124,7 +114,7 @@ TEST_CASE("a raw capture with faults and reconnections reproduces the live run b
     CHECK(r.slot_utc == a.slot_utc);
     CHECK(difference(r, a) == "");
     CHECK(r.valid.bits() == a.valid.bits());
-    for (const Sensor s : all_sensors) CHECK(r.sync[s].verdict.text() == a.sync[s].verdict.text());
+    for (const Sensor s : all_sensors) CHECK(verdict(r, s) == verdict(a, s));
   }
   // Imports the same photons again, with different histogram settings.
   acquire::import_kept(acquire::kept_config(run.keep_raw, {"tdc.bins=10", "depth.address="}),
@@ -222,17 +212,16 @@ TEST_CASE("a fading laser, a frozen camera and a frozen radar are each reported 
                       fault("depth", FaultKind::freeze, 90, 15),
                       fault("radar", FaultKind::freeze, 120, 15)},
            .assignments = "[signal]\nspd_clicks = 0\nclicks_per_pulse = 0\n"});
-  CHECK(b.lab->record(b.run(60)) == ExitCode::ok);
+  b.record(60);
   const std::map<Sensor, std::string> kinds = {
       {Sensor::spd, "weak"}, {Sensor::depth, "stands still"}, {Sensor::radar, "stands still"}};
   for (const auto& [sensor, kind] : kinds) {
     const Strings all = b.verdicts(sensor);
     CAPTURE(name_of(sensor));
     // At least three slots of 3 s lie entirely within the 15 s fault.
-    CHECK(std::count(all.begin(), all.end(), kind) >= 3);
-    CHECK(std::count(all.begin(), all.end(), kind) <= 5);
-    CHECK(std::count(all.begin(), all.end(), "ok") + std::count(all.begin(), all.end(), kind) ==
-          60);
+    CHECK(std::ranges::count(all, kind) >= 3);
+    CHECK(std::ranges::count(all, kind) <= 5);
+    CHECK(std::ranges::count(all, "ok") + std::ranges::count(all, kind) == 60);
     const Strings events = b.events(name_of(sensor));
     REQUIRE(events.size() == 2);
     CHECK(events[0].find(kind + ": ") != std::string::npos);
@@ -245,7 +234,7 @@ TEST_CASE("simulated scenes change at slot boundaries") {
            .hold_s = 1,
            .scenes = "[[scene]]\nkind = \"person\"\nx_m = 0.0\nz_m = 3.0\nyaw_deg = 0.0\n"
                      "[[scene]]\nkind = \"person\"\nx_m = 0.0\nz_m = 4.0\nyaw_deg = 0.0\n"});
-  CHECK(b.lab->record(b.run(30)) == ExitCode::ok);
+  b.record(30);
   const auto border = static_cast<std::size_t>((3.5 * 2 / 0.299792458e-3 - 13343) / 100);
   std::vector<double> near;
   for (const auto& r : b.records()) {
@@ -267,7 +256,7 @@ TEST_CASE("slots keep their length when the system clock is changed") {
   port::Timer forward(b.lab->loop), back(b.lab->loop);
   forward.after(30s, [&] { b.lab->loop.step_utc(day); });
   back.after(60s, [&] { b.lab->loop.step_utc(-2 * day); });
-  CHECK(b.lab->record(b.run(40)) == ExitCode::ok);
+  b.record(40);
   b.check_slots(3s);
   const Strings told = b.events("clock");
   REQUIRE(told.size() == 2);
@@ -295,7 +284,7 @@ TEST_CASE("a disconnected device stays locked against another run") {
     second.out = b.folder / "second.sqlite";
     refused = error_of([&] { b.lab->record(second); }).second;
   });
-  CHECK(b.lab->record(b.run(20)) == ExitCode::ok);
+  b.record(20);
   CHECK(refused.find("radar serial:") != std::string::npos);
   CHECK(refused.find("in use by echofuse-acquire run") != std::string::npos);
 }
@@ -304,7 +293,7 @@ TEST_CASE("a camera that reconnects with another axis is not used, but other dev
   Bench b({.faults = {fault("depth", FaultKind::unplug, 20, 6)}});
   port::Timer meanwhile(b.lab->loop);
   meanwhile.after(23s, [&] { b.lab->turn_camera(); });
-  CHECK(b.lab->record(b.run(20)) == ExitCode::ok);
+  b.record(20);
   CHECK(b.records().front().valid.bits() == 7);
   CHECK(b.records().back().valid.bits() == 3);
   CHECK(has(b.events("depth"), "its axes differ from those at the start of the run"));
@@ -316,7 +305,7 @@ TEST_CASE(
   CAPTURE(by_s);
   Bench b({.faults = {fault("radar", FaultKind::unplug, 20, 10),
                       fault("radar", FaultKind::clock_offset, 25, 1000, by_s)}});
-  CHECK(b.lab->record(b.run(20)) == ExitCode::ok);
+  b.record(20);
   CHECK(b.reader().late()[Sensor::radar] == 0);
   for (const auto& r : b.records())
     if (r.index > 10) CHECK(r.sync[Sensor::radar].used == 12);

@@ -9,13 +9,7 @@
 #include "acquire/doctor/doctor.hpp"
 #include "bridged_device.hpp"
 
-using test::Bench;
-using test::BridgedDevice;
-using test::has;
-using test::Keeper;
-using test::Laboratory;
-using test::LaboratoryOptions;
-using test::printed_by;
+using namespace echofuse::test;
 using namespace std::chrono_literals;
 
 namespace {
@@ -71,12 +65,12 @@ ExitCode calibrate(Laboratory& lab, bool check = false, acquire::CalibrateOption
 TEST_CASE("the radar is stopped after a run or a failed start unless radar.keep_running is set") {
   Bench b;
   SECTION("the radar is stopped after a run") {
-    CHECK(b.lab->record(b.run(2)) == ExitCode::ok);
+    b.record(2);
     CHECK_FALSE(b.lab->radar_radiates());
   }
   SECTION("the radar remains on after a run if radar.keep_running is set") {
     b.lab->set({"radar.keep_running=true"});
-    CHECK(b.lab->record(b.run(2)) == ExitCode::ok);
+    b.record(2);
     CHECK(b.lab->radar_radiates());
   }
   SECTION("the radar is stopped after a failed start") {
@@ -92,7 +86,7 @@ TEST_CASE("a radar that does not answer sensorStop causes a warning and a short 
   Bench b;
   port::Timer choke(b.lab->loop);
   choke.after(10s, [&] { b.lab->choke_radar(true); });
-  CHECK(b.lab->record(b.run(6)) == ExitCode::ok);
+  b.record(6);
   CHECK(has(b.events("radar"), "the device did not confirm the stop and may still be sending"));
 }
 
@@ -116,7 +110,7 @@ TEST_CASE("the calibrate command measures and stores offsets, and a run uses the
   CHECK(calibrate(*b.lab, true, stated) == ExitCode::ok);
   stated.distance_given = true;
   CHECK(calibrate(*b.lab, true, stated) != ExitCode::ok);
-  CHECK(b.lab->record(b.run(1)) == ExitCode::ok);
+  b.record(1);
   const auto named = b.reader().calibrations();
   REQUIRE(named.size() == 2);
   CHECK(named[0].offset_m == measured.entries[0].offset_m);
@@ -314,13 +308,13 @@ TEST_CASE("a simulated histogram shows the scene at the middle of its exposure")
   sim::SceneSchedule schedule{.hold_s = 0.06};
   schedule.list = {sim::SceneKind::empty, sim::SceneKind::person};
   sim::ScenePlayer player(loop, {.spd_zones = 2}, schedule);
-  auto listener = std::make_unique<test::MemoryListener>(loop);
+  auto listener = std::make_unique<MemoryListener>(loop);
   loop.ports["bridge:tcp://detector:1"] = listener->opener();
   const auto detector = sim::make_histogram_bridge(loop, player, {}, std::move(listener));
-  test::KeepingSink sink;
+  KeepingSink sink;
   const auto driver = make_tdc(loop, {"bridge:tcp://detector:1"});
   driver->start(sink);
-  REQUIRE(test::run_until(loop, [&] { return sink.histograms.size() == 24; }));
+  REQUIRE(run_until(loop, [&] { return sink.histograms.size() == 24; }));
   const double hold_s = schedule.hold_s;
   int between = 0;  // exposures that contain the end of a scene after their middle
   for (const HistogramFrame& histogram : sink.histograms) {

@@ -8,8 +8,7 @@
 #include "acquire/import/import.hpp"
 #include "bridged_device.hpp"
 
-using test::Bench;
-using test::printed_by;
+using namespace echofuse::test;
 using namespace std::chrono_literals;
 
 namespace {
@@ -34,7 +33,7 @@ class Tagger {
         bridge_(loop,
                 std::string(R"({"model":"T","serial":"T1","firmware":"1")") +
                     (fault.histograms ? R"(,"sends":"histograms"})" : "}"),
-                [this](test::BridgedDevice&) { next(); }) {}
+                [this](BridgedDevice&) { next(); }) {}
   auto opener() { return bridge_.listener.opener(); }
 
  private:
@@ -72,7 +71,7 @@ class Tagger {
   StreamFault fault_;
   std::mt19937_64 rng_{make_rng(7, 1)};
   std::int64_t block_ = 0;
-  test::BridgedDevice bridge_;
+  BridgedDevice bridge_;
 };
 
 }  // namespace
@@ -105,7 +104,7 @@ TEST_CASE("run, import, doctor and calibrate find the same faults and counts in 
                clicks_hz = static_cast<double>(found.spd_counts.in_range) / 2;
   REQUIRE(found.has(Sensor::spd));
   CHECK((found.sync[Sensor::spd].lost > 0) == (fault.lost + fault.bad > 0));
-  const auto peak = std::ranges::max_element(test::counts(found)) - test::counts(found).begin();
+  const auto peak = std::ranges::max_element(counts(found)) - counts(found).begin();
   if (!fault.histograms)
     CHECK((static_cast<double>(peak) + 0.5) * 100 / ps_per_m == Approx(true_m).margin(0.03));
 
@@ -117,7 +116,7 @@ TEST_CASE("run, import, doctor and calibrate find the same faults and counts in 
   for (std::int64_t k = 0; k < imported.count(); ++k) {
     const record::FusedRecord again = imported.read(k);
     const record::FusedRecord& first = records[static_cast<std::size_t>(k)];
-    CHECK(test::difference(again, first).empty());
+    CHECK(difference(again, first).empty());
     CHECK(again.spd_counts.tags == first.spd_counts.tags);
     CHECK(again.sync[Sensor::spd].lost == first.sync[Sensor::spd].lost);
     CHECK(again.sync[Sensor::spd].verdict == first.sync[Sensor::spd].verdict);
