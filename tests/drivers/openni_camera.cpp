@@ -36,9 +36,13 @@ void camera(const char* command) {
 struct Bench {
   explicit Bench(const std::string& uri = "", OpenNiOptions options = {})
       : driver(loop, "openni:" + uri, uri, options) {}
-  void start() { driver.start(sink); }
   bool frames(std::size_t count) {
     return run_until(loop, [&] { return sink.depth.size() >= count; });
+  }
+  // Starts the driver and waits until it has delivered `count` frames.
+  void start(std::size_t count = 0) {
+    driver.start(sink);
+    REQUIRE(frames(count));
   }
   bool reaches(DeviceState state) {
     return run_until(loop, [&] { return sink.state() == state; });
@@ -138,23 +142,20 @@ TEST_CASE(
 TEST_CASE("images of a camera that always mirrors are mirrored back") {
   Bench b;
   camera("mirror");
-  b.start();
-  REQUIRE(b.frames(5));
+  b.start(5);
   b.check_pixels();
 }
 
 TEST_CASE("camera depths in tenths of a millimetre are rounded to millimetres") {
   Bench b;
   camera("tenths");
-  b.start();
-  REQUIRE(b.frames(12));
+  b.start(12);
   b.check_pixels(10);
 }
 
 TEST_CASE("an OpenNI camera that sends no frames is reopened") {
   Bench b;
-  b.start();
-  REQUIRE(b.frames(3));
+  b.start(3);
   camera("stall");
   REQUIRE(b.reaches(DeviceState::faulted));
   CHECK(b.sink.events.at(0) == "the camera sent no complete frame for 3 s");
@@ -165,8 +166,7 @@ TEST_CASE("an OpenNI camera that sends no frames is reopened") {
 TEST_CASE("a camera mode can be selected, and the error for an unsupported mode lists all modes") {
   SECTION("a camera mode is selected by its image size") {
     Bench b("", {.width = 16, .height = 12});
-    b.start();
-    REQUIRE(b.frames(5));
+    b.start(5);
     CHECK(b.sink.info.axes[0].count == 16);
     CHECK(b.sink.info.axes[1].count == 12);
     CHECK(b.sink.info.axes[0].at(15.5) == Approx(std::tan(0.5)));
@@ -177,15 +177,13 @@ TEST_CASE("a camera mode can be selected, and the error for an unsupported mode 
   }
   SECTION("a camera mode is selected by its frame rate") {
     Bench b("", {.fps = 50});
-    b.start();
-    REQUIRE(b.frames(2));
+    b.start(2);
     CHECK(b.sink.info.axes[0].count == 16);
   }
   SECTION("a camera that sends raw shifts is switched to millimetres") {
     Bench b;
     camera("shifts");
-    b.start();
-    REQUIRE(b.frames(5));
+    b.start(5);
     b.check_pixels();
   }
   SECTION("an unsupported camera mode is refused") {
@@ -201,8 +199,7 @@ TEST_CASE("a camera mode can be selected, and the error for an unsupported mode 
 
 TEST_CASE("an unplugged camera is reported, and found again at another USB bus address") {
   Bench b("test/camera@1/4");
-  b.start();
-  REQUIRE(b.frames(3));
+  b.start(3);
   camera("unplug");
   REQUIRE(b.reaches(DeviceState::faulted));
   CHECK(b.sink.events.at(0) == "camera disconnected");
@@ -220,8 +217,7 @@ TEST_CASE("damaged depth frames are dropped, and lost frames are counted") {
       {{"cut", true}, {"wide", true}, {"skipped", false}, {"twice", false}}));
   Bench b;
   camera(name);
-  b.start();
-  REQUIRE(b.frames(40));
+  b.start(40);
   b.driver.stop();
   std::uint32_t seen = 0, lost = 0, twice = 0, damaged = 0;
   const bool comes_twice = std::string_view(name) == "twice";
@@ -283,8 +279,7 @@ TEST_CASE(
 
 TEST_CASE("depth frames dropped while the event loop is busy are counted") {
   Bench b;
-  b.start();
-  REQUIRE(b.frames(3));
+  b.start(3);
   std::this_thread::sleep_for(300ms);
   const std::size_t before = b.sink.depth.size();
   REQUIRE(b.frames(before + 10));
@@ -296,8 +291,7 @@ TEST_CASE("depth frames dropped while the event loop is busy are counted") {
 
 TEST_CASE("stop() ends the OpenNI camera thread within a second, and no event follows") {
   Bench b;
-  b.start();
-  REQUIRE(b.frames(3));
+  b.start(3);
   const auto begin = std::chrono::steady_clock::now();
   b.driver.stop();
   REQUIRE(run_until(b.loop, [&] { return b.driver.finished(); }));
