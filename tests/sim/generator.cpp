@@ -5,6 +5,7 @@
 
 #include <atomic>
 
+#include "../fixtures/damage.hpp"
 #include "../fixtures/error.hpp"
 #include "../fixtures/folder.hpp"
 #include "../fixtures/run.hpp"
@@ -178,21 +179,11 @@ void make_parts(const Plan& plan, const Folder& folder, int count) {
 
 // Returns all rows of a table as a string.
 std::string rows_of(const std::string& path, const std::string& table) {
-  sqlite3* db = nullptr;
-  REQUIRE(sqlite3_open(path.c_str(), &db) == SQLITE_OK);
-  std::string out;
-  const auto add = [](void* text, int columns, char** values, char**) {
-    for (int i = 0; i < columns; ++i)
-      static_cast<std::string*>(text)->append(values[i] ? values[i] : "-").append("|");
-    return 0;
-  };
-  std::string columns = "*";
-  for (const char* blob : {"spd", "radar", "array", "depth"})
-    if (table == "record") columns += std::string(", hex(") + blob + ")";
-  CHECK(sqlite3_exec(db, ("SELECT " + columns + " FROM " + table).c_str(), add, &out, nullptr) ==
-        SQLITE_OK);
-  sqlite3_close(db);
-  return out;
+  const std::string columns = sql(path,
+                                  "SELECT group_concat('quote(' || name || ')', ' || '' '' || ') "
+                                  "FROM pragma_table_info('" +
+                                      table + "')");
+  return sql(path, "SELECT " + columns + " FROM " + table);
 }
 
 // Waits until a file with the given suffix exists, opens the file, and holds a read transaction

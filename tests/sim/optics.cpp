@@ -64,22 +64,6 @@ Scores scores_of(const std::vector<double>& rate, const std::vector<double>& mea
   return s;
 }
 
-// Expected value and variance of the counts in each bin if only the first photon of a pulse counts.
-struct FirstPhotons {
-  std::vector<double> mean, variance;
-};
-FirstPhotons first_photons(const std::vector<double>& rate, double pulses) {
-  FirstPhotons out;
-  double before = 0;
-  for (const double r : rate) {
-    const double p = std::exp(-before) * -std::expm1(-r / pulses);
-    before += r / pulses;
-    out.mean.push_back(pulses * p);
-    out.variance.push_back(pulses * p * (1 - p));
-  }
-  return out;
-}
-
 }  // namespace
 
 TEST_CASE("a return at a bin edge adds the exact integral of the Gaussian response to each bin") {
@@ -160,18 +144,6 @@ TEST_CASE("simulated background counts are uniform over the bins") {
   c.background_counts = 672;
   const auto rate = spd_rate({}, c);
   for (const double r : rate) CHECK(r == Approx(2).epsilon(1e-12));
-}
-
-TEST_CASE("a scene and its mirror image have equal SPD histograms") {
-  const Conditions c;
-  for (std::uint64_t i = 0; i < 20; ++i) {
-    const Scene scene = some_scene(c, i);
-    const auto a = spd_rate(spd_returns(scene, c), c);
-    const auto b = spd_rate(spd_returns(mirrored(scene), c), c);
-    const double peak = *std::max_element(a.begin(), a.end());
-    for (std::size_t k = 0; k < a.size(); ++k)
-      REQUIRE(std::abs(a[k] - b[k]) <= 1e-6 * std::max(a[k], b[k]) + 1e-12 * peak);
-  }
 }
 
 TEST_CASE("a scene in an asymmetric room and its mirror image have different SPD histograms") {

@@ -11,16 +11,6 @@ namespace {
 Axis x_axis(std::uint32_t n) { return record::depth_x_axis(n, 0.55); }
 Axis y_axis(std::uint32_t n) { return record::depth_y_axis(n, 0.55); }
 
-Scene scaled(Scene scene, double s) {
-  for (auto& capsule : scene.capsules)
-    capsule = {s * capsule.a, s * capsule.b, s * capsule.radius_m, capsule.albedo};
-  for (auto& plate : scene.plates) {
-    plate.centre = s * plate.centre;
-    for (auto& k : plate.strokes) k = {s * k.u0, s * k.v0, s * k.u1, s * k.v1, s * k.width_m};
-  }
-  return scene;
-}
-
 // Returns the weight of the part of a screen at distance d that is closer than the slant range r.
 // The weight is the integral of albedo cos dOmega / R^2.
 double screen_weight(double d, double r, double albedo) {
@@ -128,17 +118,6 @@ TEST_CASE("depth images contain z in millimetres, limited to 16 bits") {
   for (const auto mm : render_depth_mm(scene, x_axis(64), y_axis(64))) REQUIRE(mm == 65535);
   scene.plates = {screen(65.54, 0.5)};
   for (const auto mm : render_depth_mm(scene, x_axis(64), y_axis(64))) REQUIRE(mm == 0);
-}
-
-TEST_CASE("a scene twice as large at twice the distance returns a quarter of the light") {
-  const Conditions c;
-  const Scene scene = some_scene(c, 1);
-  const Returns near = spd_returns(scene, c), far = spd_returns(scaled(scene, 2), c);
-  REQUIRE(near.weight.size() == far.weight.size());
-  for (std::size_t k = 0; k < near.weight.size(); ++k) {
-    REQUIRE(far.range_m[k] == Approx(2 * near.range_m[k]).epsilon(1e-6));
-    REQUIRE(4 * far.weight[k] == Approx(near.weight[k]).epsilon(1e-4));
-  }
 }
 
 TEST_CASE("a flat screen returns the analytic amount of light") {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Small scenes with known geometry.
 #pragma once
+#include <cmath>
 #include <numeric>
 
 #include "sim/scene/scene.hpp"
@@ -19,6 +20,22 @@ inline Plate screen(double z_m, double albedo) {
 
 inline double total(const std::vector<double>& values) {
   return std::accumulate(values.begin(), values.end(), 0.0);
+}
+
+// Expected value and variance of the counts in each bin if only the first photon of a pulse counts.
+struct FirstPhotons {
+  std::vector<double> mean, variance;
+};
+inline FirstPhotons first_photons(const std::vector<double>& rate, double pulses) {
+  FirstPhotons out;
+  double before = 0;
+  for (const double r : rate) {
+    const double p = std::exp(-before) * -std::expm1(-r / pulses);
+    before += r / pulses;
+    out.mean.push_back(pulses * p);
+    out.variance.push_back(pulses * p * (1 - p));
+  }
+  return out;
 }
 
 // Returns a mirrored copy (x -> -x) of the scene with its people and plates. The room is not
