@@ -29,7 +29,6 @@ struct Block {
   std::uint16_t version, kind;
   std::uint32_t sequence;
   std::uint64_t dropped;
-  bool crc_good;
   Bytes payload;
   std::vector<Tag> tags() const { return to_values<Tag>(payload); }
 };
@@ -52,6 +51,7 @@ class Client {
   Client(const Client&) = delete;
   Client& operator=(const Client&) = delete;
 
+  // Returns the next block, which must be undamaged, or nothing at the end of the stream.
   std::optional<Block> read() {
     Bytes head;
     if (!read_exactly(head, 32)) return {};
@@ -67,8 +67,14 @@ class Client {
     const auto crc = fields.get<std::uint32_t>();
     REQUIRE(size <= 16U << 20);
     REQUIRE(read_exactly(block.payload, size));
-    block.crc_good = crc == slow_crc32c(block.payload, slow_crc32c(ByteView(head).first(28), 0));
+    REQUIRE(crc == slow_crc32c(block.payload, slow_crc32c(ByteView(head).first(28), 0)));
     return block;
+  }
+  // Returns the next block. The stream must not have ended.
+  Block next() {
+    const std::optional<Block> block = read();
+    REQUIRE(block);
+    return *block;
   }
 
  private:
@@ -94,30 +100,27 @@ TEST_CASE("the simulated time tagger sends a hello block, then tags at the rate 
   const sim::LabOptions options = options_in(dir, {"person", 5, 0});
   LabThread lab(options);
   Client client(options.dir + "/lab.toml");
-  const auto hello = client.read();
-  REQUIRE(hello);
-  CHECK(hello->kind == 0);
-  CHECK(hello->version == 1);
-  CHECK(hello->sequence == 0);
-  CHECK(std::string(hello->payload.begin(), hello->payload.end()) ==
+  const Block hello = client.next();
+  CHECK(hello.kind == 0);
+  CHECK(hello.version == 1);
+  CHECK(hello.sequence == 0);
+  CHECK(std::string(hello.payload.begin(), hello.payload.end()) ==
         R"({"model":"simulated time tagger","serial":"SIM-TDC-1","firmware":"1.0"})");
 
   std::vector<Tag> tags;
   const auto start = std::chrono::steady_clock::now();
   int blocks = 0, hellos = 0;
   for (; std::chrono::steady_clock::now() - start < std::chrono::milliseconds(1500); ++blocks) {
-    const auto block = client.read();
-    REQUIRE(block);
-    REQUIRE(block->crc_good);
-    REQUIRE(block->sequence == static_cast<std::uint32_t>(blocks + 1));
-    REQUIRE(block->dropped == 0);
-    if (block->kind == 0) {
-      CHECK(block->payload == hello->payload);
+    const Block block = client.next();
+    REQUIRE(block.sequence == static_cast<std::uint32_t>(blocks + 1));
+    REQUIRE(block.dropped == 0);
+    if (block.kind == 0) {
+      CHECK(block.payload == hello.payload);
       ++hellos;
       continue;
     }
-    REQUIRE(block->kind == 1);
-    const auto more = block->tags();
+    REQUIRE(block.kind == 1);
+    const auto more = block.tags();
     tags.insert(tags.end(), more.begin(), more.end());
   }
   // The tagger sends at least one block every 20 ms, which gives 75 blocks in 1.5 s.
@@ -142,20 +145,17 @@ TEST_CASE("the simulated zone detector sends histograms at the rate of the scene
   options.conditions.spd_zones = 3;
   LabThread lab(options);
   Client client(options.dir + "/lab.toml");
-  const auto hello = client.read();
-  REQUIRE(hello);
-  const std::string text(hello->payload.begin(), hello->payload.end());
+  const Block hello = client.next();
+  const std::string text(hello.payload.begin(), hello.payload.end());
   CHECK(text.find("\"sends\":\"histograms\"") != std::string::npos);
   CHECK(std::count(text.begin(), text.end(), '{') == 1 + 9);
   double counts = 0;
   int histograms = 0;
   while (histograms < 20) {
-    const auto block = client.read();
-    REQUIRE(block);
-    REQUIRE(block->crc_good);
-    if (block->kind == 0) continue;
-    REQUIRE(block->kind == 4);
-    ByteReader in(block->payload);
+    const Block block = client.next();
+    if (block.kind == 0) continue;
+    REQUIRE(block.kind == 4);
+    ByteReader in(block.payload);
     CHECK(in.get<std::uint32_t>() == 9);
     const auto bins = in.get<std::uint32_t>();
     CHECK(bins == options.conditions.bins);
@@ -177,20 +177,18 @@ TEST_CASE(
   for (int i = 0; i < 3; ++i) {
     Client client(options.dir + "/lab.toml");
     for (std::uint32_t sequence = 0; sequence < 4; ++sequence) {
-      const auto block = client.read();
-      REQUIRE(block);
-      CHECK(block->sequence == sequence);
-      CHECK((sequence > 0 || block->kind == 0));
+      const Block block = client.next();
+      CHECK(block.sequence == sequence);
+      CHECK((sequence > 0 || block.kind == 0));
     }
   }
   Client client(options.dir + "/lab.toml");
-  REQUIRE(client.read());
+  client.next();
   lab.stop();
   std::optional<Block> last, block;
   while ((block = client.read())) last = block;
   CHECK(last->kind == 3);
   CHECK(last->payload.empty());
-  CHECK(last->crc_good);
 }
 
 TEST_CASE("the simulated bridge reports tags lost by a slow client in the next block header") {
@@ -200,17 +198,16 @@ TEST_CASE("the simulated bridge reports tags lost by a slow client in the next b
   options.window_s = 0.05;
   LabThread lab(options);
   Client client(options.dir + "/lab.toml");
-  REQUIRE(client.read());
+  client.next();
   std::this_thread::sleep_for(std::chrono::milliseconds(800));
   std::uint64_t dropped = 0;
   std::int64_t gap_ps = 0, last_ps = 0;
   for (std::uint32_t sequence = 1; gap_ps == 0; ++sequence) {
-    const auto block = client.read();
-    REQUIRE(block);
-    REQUIRE(block->sequence == sequence);
-    dropped += block->dropped;
-    if (block->kind == 0) continue;
-    const auto more = block->tags();
+    const Block block = client.next();
+    REQUIRE(block.sequence == sequence);
+    dropped += block.dropped;
+    if (block.kind == 0) continue;
+    const auto more = block.tags();
     REQUIRE_FALSE(more.empty());
     if (dropped > 0) gap_ps = more.front().time_ps - last_ps;
     last_ps = more.back().time_ps;
