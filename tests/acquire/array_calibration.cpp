@@ -19,8 +19,8 @@ struct World {
   std::vector<double> phase{0, 0.4, -2.9, 3.1, 1.5, -0.3, 0.02, 2.2};
   // `noise` is the standard deviation of the noise in each of the real and imaginary parts.
   double amplitude = 2000, noise = 60;
-  double second_wave =
-      0;  // amplitude of a second wave, arriving from the side, relative to that of the first wave
+  // Amplitude of a second wave, arriving from the side, relative to that of the first wave.
+  double second_wave = 0;
   double drift_rad = 0.05;  // phase drift per frame, the same for all antennas
 };
 

@@ -135,8 +135,8 @@ TEST_CASE("the info command describes the antenna array") {
   CHECK(has(describe_run(path, false),
             "array     8 antennas, 32 bins to 7.75 m, in 2 records of 2 frames and 5376 bytes"));
   CHECK(has(describe_run(path, true), "\"phase_rad\": -0.25"));
-  const auto want =
-      antenna_data(record::RunReader(path).read(0));  // values in the file are rounded
+  // Values in the file are rounded.
+  const auto want = antenna_data(record::RunReader(path).read(0));
   CHECK(want[0] == Approx(antenna_data(records[0])[0]).margin(0.1));
 }
 

@@ -52,8 +52,8 @@ TEST_CASE(
   const Json info = Json::parse(test::acquire("info --json " + path).text);
   CHECK(info["incomplete"] == 1);
   CHECK(info["policy"] == Json{{"spd", "required"}, {"depth", "optional"}});
-  CHECK(info["clocks"]["spd"]["samples"] ==
-        102);  // value from the last record that contains a clock fit
+  // Value from the last record that contains a clock fit.
+  CHECK(info["clocks"]["spd"]["samples"] == 102);
   CHECK(info["clocks"]["depth"]["drift_ppm"] == 20);
   CHECK_FALSE(info["clocks"].contains("radar"));
   const std::string text = test::acquire("info " + path).text;

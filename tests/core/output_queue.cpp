@@ -111,9 +111,8 @@ TEST_CASE(
     CHECK(queue.close() == 0);
     CHECK(waited() >= std::chrono::seconds(1));
     CHECK(waited() < std::chrono::seconds(20));
-    std::exchange(
-        pipe.ends[1],
-        -1);  // prevents the pipe from closing this end, because the blocked write still uses it
+    // Prevents the pipe from closing this end, because the blocked write still uses it.
+    std::exchange(pipe.ends[1], -1);
   }
   SECTION("closing the output queue does not wait for a reader that closed its end") {
     Pipe pipe;

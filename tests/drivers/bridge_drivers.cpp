@@ -106,8 +106,8 @@ TEST_CASE("the tagger driver receives tags from a bridge and reports each connec
 TEST_CASE("the tagger driver reports missing blocks and items with the next data") {
   Bench b;
   b.connect(make_tdc(b.loop, {b.server.address()}));
-  b.server.send(test::join(
-      {b.golden[0], b.golden[2]}));  // block 1 (golden[1]) is not sent and counts as lost
+  // Block 1 (golden[1]) is not sent and counts as lost.
+  b.server.send(test::join({b.golden[0], b.golden[2]}));
   REQUIRE(b.until([&] { return b.count("bad_payloads") == 1; }));
   CHECK(b.count("lost_blocks") == 1);
   CHECK(b.sink.blocks.empty());
@@ -184,8 +184,8 @@ TEST_CASE("the camera driver receives depth frames and axes from a bridge") {
   CHECK(b.sink.info.axes[1].step == -0.5);
   CHECK(b.sink.info.model == "Time Tagger Ultra");
   CHECK(b.sink.depth[0].depth_mm == std::vector<std::uint16_t>{0, 1000, 2000, 3000, 4000, 0});
-  CHECK(b.sink.depth[0].lost_before ==
-        6);  // the bridge dropped 5 frames, and block 1 is missing, so 6 frames are lost
+  // The bridge dropped 5 frames, and block 1 is missing, so 6 frames are lost.
+  CHECK(b.sink.depth[0].lost_before == 6);
   CHECK(b.count("frames") == 2);
   b.server.send(b.golden[1]);
   CHECK(b.until([&] { return b.count("bad_payloads") == 1; }));

@@ -12,8 +12,8 @@ using test::tags_block;
 
 namespace {
 
-constexpr std::uint32_t last = 40,
-                        hit = 20;  // number of the last block, and number of the block with a fault
+// Number of the last block, and number of the block with a fault.
+constexpr std::uint32_t last = 40, hit = 20;
 
 // Returns a hello block followed by the data blocks 1 to `last`.
 std::vector<Bytes> sound_stream() {

@@ -145,8 +145,8 @@ TEST_CASE("the bridge driver reconnects after each of 100 disconnections") {
     longest = std::max(longest, loop.now() - begin);
   }
   CHECK(longest == std::chrono::seconds(2));  // longest delay between connection attempts
-  CHECK(pair.lost() ==
-        99);  // one block was lost before each of the last 99 connections that delivered data
+  // One block was lost before each of the last 99 connections that delivered data.
+  CHECK(pair.lost() == 99);
   CHECK(pair.clients == 101);
   CHECK(counter(*pair.driver, "junk_bytes") == 300);  // the beginning of a block in each connection
   CHECK(counter(*pair.driver, "connections") == 101);

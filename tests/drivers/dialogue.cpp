@@ -232,8 +232,8 @@ TEST_CASE("a calibration line within a command echo is reported and otherwise ig
   Session s("sensorStop\nsensorStart\n");
   const std::string line = "compRangeBiasAndRxChanPhase 0.0123456 1.00000 -0.50000";
   s.d.take_output();
-  s.say(line + "\n\r" + prompt + line +
-        "\n\r");  // the board sends unsolicited output before the first command
+  // The board sends unsolicited output before the first command.
+  s.say(line + "\n\r" + prompt + line + "\n\r");
   s.wait(100ms);
   CHECK(s.reported() == std::vector<std::string>{line, line});
   CHECK(s.d.take_output() == "version\n");

@@ -62,8 +62,8 @@ TEST_CASE("golden radar heat maps are parsed") {
   REQUIRE(p.numbers() == Numbers{301, 302, 303, 304});
   const auto check = [](const RadarFrame& f, std::size_t antennas) {
     REQUIRE(f.array.size() == 2 * 4 * antennas);
-    CHECK(f.array[0] ==
-          -32768);  // each sample is stored as the imaginary part followed by the real part
+    // Each sample is stored as the imaginary part followed by the real part.
+    CHECK(f.array[0] == -32768);
     CHECK(f.array[1] == 32767);
     CHECK(f.array[2 * (3 * antennas + 5)] == 305);
     CHECK(f.array[2 * (3 * antennas + 5) + 1] == -1305);
@@ -99,8 +99,8 @@ TEST_CASE(
 }
 
 TEST_CASE("junk before, between and after radar frames is skipped and counted") {
-  const Bytes junk(
-      16, 0xff);  // the firmware sends these bytes if configDataPort is called with ackPing
+  // The firmware sends these bytes if configDataPort is called with ackPing.
+  const Bytes junk(16, 0xff);
   const auto& g = golden();
   const ParsedFrames p = parse_frames(join({junk, g[0], junk, g[1], junk}));
   CHECK(p.numbers() == Numbers{209, 210});

@@ -49,8 +49,8 @@ TEST_CASE("the radar range axis is computed from the rounded chirp slope of the 
     return parse_profile(with("166 1 256", std::string(slope) + " 1 256"), "").range_step_m;
   };
   CHECK(step("166") == step("165.99"));  // both slopes are rounded to 4584 register steps
-  CHECK(step("165.98") ==
-        Approx(played_step_m * 4584 / 4583));  // the chip rounds this slope to 4583 register steps
+  // The chip rounds this slope to 4583 register steps.
+  CHECK(step("165.98") == Approx(played_step_m * 4584 / 4583));
   CHECK_THROWS_WITH(step("0.03"), Catch::Contains("from 0.0363 to 250"));
   const double nominal_m = 3.0e8 * 12.5e6 / (2 * 166e12 * 256);
   // At 7 m, the nominal range step causes a range error of 4.2 mm.
@@ -224,14 +224,13 @@ TEST_CASE(
   CHECK(warnings("0 100 1 0", "0 150 1 0", Board::aop).empty());
   CHECK_THAT(warnings("channelCfg 15 7", "channelCfg 7 5", Board::isk).at(0),
              Catch::StartsWith("x.cfg:4: channelCfg has fewer than 4 receivers"));
-  const std::string other =
-      "chirpCfg 1 1 0 0 0 0 0 2\r\nchirpCfg 2 2 0 0 0 0 0 4\r\n";  // transmitter 2 is used before
-                                                                   // transmitter 3
+  // Transmitter 2 is used before transmitter 3.
+  const std::string other = "chirpCfg 1 1 0 0 0 0 0 2\r\nchirpCfg 2 2 0 0 0 0 0 4\r\n";
   const std::string usual = "chirpCfg 1 1 0 0 0 0 0 4\r\nchirpCfg 2 2 0 0 0 0 0 2\r\n";
   CHECK_THAT(warnings(usual, other, Board::isk).at(0),
              Catch::StartsWith("x.cfg:8: chirpCfg uses transmitter 2 before 3"));
-  CHECK_THAT(refusal("0 100 1 0", Board::ods),
-             Catch::Contains("takes"));  // sending a 12.9 kB frame takes more than 100 ms
+  // Sending a 12.9 kB frame takes more than 100 ms.
+  CHECK_THAT(refusal("0 100 1 0", Board::ods), Catch::Contains("takes"));
 }
 
 TEST_CASE("the installed radar cfgs give the expected antennas and frame sizes without warnings") {

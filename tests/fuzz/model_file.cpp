@@ -148,9 +148,8 @@ class Editor {
     const bool all = byte() % 2 == 0;
     const double expected = number();
     if (!sound(name)) return;
-    const nlohmann::json& type =
-        model_
-            .head[name]["dtype"];  // `type` may have any value, because entry() may have changed it
+    // `type` may have any value, because entry() may have changed it.
+    const nlohmann::json& type = model_.head[name]["dtype"];
     const auto narrow = static_cast<float>(expected);
     Bytes one;
     if (type == "F32")

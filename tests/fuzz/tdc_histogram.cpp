@@ -12,8 +12,8 @@ using namespace echofuse::tdc;
 
 namespace {
 
-constexpr std::uint32_t max_bins =
-    1u << 14;  // a larger number of bins would only slow down the fuzzer
+// A larger number of bins would only slow down the fuzzer.
+constexpr std::uint32_t max_bins = 1u << 14;
 
 bool allowed(const HistogramSettings& s) {
   return s.bins >= 1 && s.bins <= 1u << 24 && s.bin_width_ps >= 1 &&

@@ -225,8 +225,8 @@ TEST_CASE("a USB tagger is reopened after an unplug during a transfer") {
 TEST_CASE("data that a slow consumer does not read stay in the USB tagger") {
   Bench b;
   b.connect();
-  constexpr std::size_t runs = 90,
-                        per_run = 65'536;  // 90 MiB are more than the limit for queued bytes
+  // 90 MiB are more than the limit for queued bytes.
+  constexpr std::size_t runs = 90, per_run = 65'536;
   for (std::size_t i = 0; i < runs; ++i) b.device.send(b.tags(per_run));
   std::uint64_t fetched = 1, before = 0;
   for (; fetched != before; fetched = b.device.fetched()) {
