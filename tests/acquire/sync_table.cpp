@@ -51,6 +51,7 @@ const std::vector<Event> events = {
   {101.320,  "radar", {101.200},                           "1",              6        },  // frames out of order
   {101.449,  "spd",   {100.994},                           "0"                        },  // tag that arrives during the grace time of slot 0
   {101.560,  "spd",   {100.995, 101.500},                  "late 1"                   },
+  {101.565,  "spd",   {100.996, 100.997},                  "late late"                },  // a second block for the closed slot 0
   {101.570,  "radar", {100.999},                           "late",           8,  2    },  // slot 0 is already closed, so the lost frames are counted in slot 1
   {101.580,  "depth", {100.500},                           "late",           4        },
   {101.900,  "spd",   {101.850, 101.899},                  "1 1"                      },
