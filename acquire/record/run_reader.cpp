@@ -21,8 +21,11 @@
 
 namespace echofuse::record {
 
-struct RecordShapes {
-  Shapes columns;
+// Values that are read again if the file has changed.
+struct RunReader::Layout {
+  unsigned version = 0;  // SQLITE_FCNTL_DATA_VERSION
+  Shapes shapes;
+  std::shared_ptr<const RunHead> head;  // null until head() is called
 };
 
 namespace {
@@ -187,7 +190,21 @@ RunInfo RunReader::info() const {
   return info;
 }
 
-RunHead RunReader::head() const { return {path_, info(), axes(), antennas(), calibrations()}; }
+RunReader::Layout& RunReader::layout() const {
+  Statement begun = ask("SELECT 1 FROM run");  // the version is that of the current transaction
+  begun.step();
+  unsigned version = 0;
+  sqlite3_file_control(db_, "main", SQLITE_FCNTL_DATA_VERSION, &version);
+  if (!layout_ || layout_->version != version)
+    layout_.reset(new Layout{version, shapes_of(axes()), nullptr});
+  return *layout_;
+}
+
+std::shared_ptr<const RunHead> RunReader::head() const {
+  auto& head = layout().head;
+  if (!head) head = std::make_shared<RunHead>(path_, info(), axes(), antennas(), calibrations());
+  return head;
+}
 
 std::vector<DeviceInfo> RunReader::devices() const {
   std::vector<DeviceInfo> out;
@@ -362,7 +379,7 @@ void RunReader::for_each(const std::function<bool(const FusedRecord&)>& visit, s
   while (step()) {
     // Reads the axes after the first row, because the writer of a live run may add axes together
     // with the first record.
-    if (!known) known = shapes_of(axes());
+    if (!known) known = layout().shapes;
     StoredRecord one = stored_record(row, sensors);
     const std::int64_t index = one.record.index;
     if (index < first || index > max_index || (before && index <= *before)) {
@@ -391,9 +408,9 @@ FusedRecord RunReader::read(std::int64_t index) const {
     throw CausedError(Cause::not_found, shown_ + ": no record " + std::to_string(index) +
                                             "; number of records: " + std::to_string(count()));
   // Reads the axes after the row, because the next record of a live run may add an axis.
-  if (!shapes_ || !closed_) shapes_.reset(new RecordShapes{shapes_of(axes())});
+  const Shapes& shapes = layout().shapes;
   StoredRecord one = stored_record(*row, {Sensor::spd, Sensor::radar, Sensor::depth});
-  if (one.fault.empty()) one.fault = unpack(one.blobs, shapes_->columns, one.record);
+  if (one.fault.empty()) one.fault = unpack(one.blobs, shapes, one.record);
   if (!one.fault.empty()) throw bad_record(shown_, index, one.fault);
   row->restart();
   record_ = std::move(row);

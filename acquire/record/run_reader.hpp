@@ -66,8 +66,6 @@ struct RunHead {
   std::optional<Axis> axis(const std::string& name) const;
 };
 
-struct RecordShapes;
-
 // Reads closed, live and crashed runs. Threading: one thread at a time.
 class RunReader {
  public:
@@ -90,7 +88,8 @@ class RunReader {
   // Returns the row of the table `run`. If the status is "open" but no process is writing the run,
   // the status is replaced by "crashed", `crashed_without_wal` or `copy_of_open`.
   RunInfo info() const;
-  RunHead head() const;
+  // Reads the description again only if the file has changed since the last call.
+  std::shared_ptr<const RunHead> head() const;
   std::vector<DeviceInfo> devices() const;
   std::map<std::string, std::string> policies() const;  // "required" or "optional" by sensor
   std::vector<Anchor> anchors() const;
@@ -131,6 +130,8 @@ class RunReader {
   std::string check() const;
 
  private:
+  struct Layout;
+  Layout& layout() const;
   void open(const std::string& network);
   void check_axis(const Axis& axis) const;
   Zones zones() const;
@@ -146,10 +147,10 @@ class RunReader {
   bool lacks_wal_ = false;   // true if no process writes the run and its -wal is missing or empty
   std::uint64_t bytes_ = 0;  // total size of the file and its -wal when they were opened
   std::unique_ptr<Budget> budget_;
-  // Kept by read(), because preparing the statement and reading the axes take ten times as long as
-  // reading a record.
+  // Kept, because preparing the statement and reading the axes take ten times as long as reading a
+  // record.
   mutable std::unique_ptr<Statement> record_;
-  mutable std::unique_ptr<const RecordShapes> shapes_;
+  mutable std::unique_ptr<Layout> layout_;
 };
 
 }  // namespace echofuse::record

@@ -17,7 +17,6 @@ namespace echofuse {
 struct Run::File {
   std::string path;
   std::shared_ptr<const record::RunReader> reader;
-  mutable std::shared_ptr<const record::RunHead> head = {};  // kept if the run is closed
 };
 
 struct Record::Contents {

@@ -36,12 +36,6 @@ StatusCode code_of(const std::string& status) {
   return status.starts_with("crashed") ? StatusCode::crashed : StatusCode::stopped;
 }
 
-Head head_of(const Internals::RunFile& file) {
-  if (!file.head || !file.reader->closed())
-    file.head = std::make_shared<record::RunHead>(file.reader->head());
-  return file.head;
-}
-
 Record public_record(const Head& run, record::FusedRecord record) {
   std::vector<float> map;
   if (record.has(Sensor::depth))
@@ -102,12 +96,12 @@ std::int64_t Run::count() const {
 }
 
 std::optional<RunAxis> Run::axis(const std::string& name) const {
-  const auto found = guarded(ErrorCode::damaged, [&] { return head_of(*file_)->axis(name); });
+  const auto found = guarded(ErrorCode::damaged, [&] { return file_->reader->head()->axis(name); });
   return found ? std::optional(public_axis(*found)) : std::nullopt;
 }
 
 std::vector<DetectorZone> Run::zones() const {
-  const Head run = guarded(ErrorCode::damaged, [&] { return head_of(*file_); });
+  const Head run = guarded(ErrorCode::damaged, [&] { return file_->reader->head(); });
   const Zones zones = run->axis("spd").value_or(Axis{}).zones;
   if (zones == single_pixel()) return {};
   return public_list<DetectorZone>(zones, [](const Zone& zone) {
@@ -116,14 +110,14 @@ std::vector<DetectorZone> Run::zones() const {
 }
 
 std::vector<RadarAntenna> Run::antennas() const {
-  const Head run = guarded(ErrorCode::damaged, [&] { return head_of(*file_); });
+  const Head run = guarded(ErrorCode::damaged, [&] { return file_->reader->head(); });
   return public_list<RadarAntenna>(run->antennas, [](const record::Antenna& antenna) {
     return RadarAntenna{antenna.x, antenna.y, antenna.gain, antenna.phase_rad};
   });
 }
 
 std::vector<SensorCalibration> Run::calibrations() const {
-  const Head run = guarded(ErrorCode::damaged, [&] { return head_of(*file_); });
+  const Head run = guarded(ErrorCode::damaged, [&] { return file_->reader->head(); });
   return public_list<SensorCalibration>(
       run->calibrations, [](const record::CalibrationEntry& entry) {
         return SensorCalibration{name_of(entry.sensor), entry.date_utc, entry.method,
@@ -140,14 +134,14 @@ std::vector<RunEvent> Run::events() const {
 
 MapGrid Run::grid() const {
   return guarded(ErrorCode::damaged,
-                 [&] { return public_grid(record::map_grid_of(head_of(*file_)->axes)); });
+                 [&] { return public_grid(record::map_grid_of(file_->reader->head()->axes)); });
 }
 
 Record Run::read(std::int64_t index) const {
   return guarded(ErrorCode::damaged, [&] {
     // Reads the record before its axes, because the next record of a live run may add an axis.
     record::FusedRecord record = file_->reader->read(index);
-    return public_record(head_of(*file_), std::move(record));
+    return public_record(file_->reader->head(), std::move(record));
   });
 }
 
@@ -157,7 +151,7 @@ void Run::for_each(const std::function<bool(const Record&)>& visit, std::int64_t
   guarded(ErrorCode::damaged, [&] {
     file_->reader->for_each(
         [&](const record::FusedRecord& record) {
-          if (!run) run = head_of(*file_);
+          if (!run) run = file_->reader->head();
           return visit(public_record(run, record));
         },
         first, on_damaged);

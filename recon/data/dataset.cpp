@@ -243,7 +243,7 @@ void append(Dataset& data, const record::RunReader& run, std::int64_t first, std
   std::optional<Appender> appender;
   const auto to = [&]() -> Appender& {
     if (appender) return *appender;
-    appender.emplace(data, run.head(), sensors, depths);
+    appender.emplace(data, *run.head(), sensors, depths);
     appender->make_room(at_most);
     return *appender;
   };

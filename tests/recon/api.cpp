@@ -240,6 +240,21 @@ TEST_CASE("follow() visits the records of a growing run until it is closed") {
   CHECK(visits == 2);
 }
 
+TEST_CASE("the API reads the axes of a live run again after the run has changed") {
+  const Folder dir;
+  Rng rng = make_rng(1, 1);
+  const auto writer = a_run(0).open(dir / "run");
+  writer->append(plate_record(0, 0, 3, rng));
+  const Run run(dir / "run");
+  const double start = run.axis("spd")->start;
+  CHECK(run.read(0).spd().size() == 30);
+  CHECK(run.axis("spd")->start == start);
+  damage(dir / "run", "SPD axis shifted by ?1 bins", {2.0});
+  CHECK(run.axis("spd")->start == start + 2 * run.axis("spd")->step);
+  writer->append(plate_record(1, 0, 3, rng));
+  CHECK(run.read(1).spd().size() == 30);
+}
+
 TEST_CASE("the API throws on a damaged record, or skips it if an error handler is given") {
   const Folder dir;
   a_run(4).write(dir / "run");

@@ -70,7 +70,7 @@ class Run {
   [[nodiscard]] MapGrid grid() const;
 
   /// Returns the record with this index. Throws if the record does not exist or is damaged. Takes
-  /// about as long as in for_each() if the run is closed.
+  /// about as long as in for_each().
   [[nodiscard]] Record read(std::int64_t index) const;
   /// Calls `visit` for each record in order, starting at index `first`, until `visit` returns
   /// false. If a record is damaged, calls `on_damaged` and continues, or throws if `on_damaged` is
