@@ -65,6 +65,8 @@ void check_identity(sqlite3* db, const std::string& path) {
     throw CausedError(Cause::in_use, shown + ": is in use by another program; try again");
   if (code == SQLITE_IOERR || code == SQLITE_CANTOPEN || code == SQLITE_NOMEM)
     throw CausedError(Cause::unreadable, shown + ": cannot be read: " + sqlite3_errmsg(db));
+  if (code == SQLITE_CORRUPT)
+    throw Error(ExitCode::failed, shown + ": damaged: " + sqlite3_errmsg(db));
   if (code == SQLITE_OK && pragma(db, path, "SELECT count(*) FROM sqlite_schema") == 0)
     throw Error(ExitCode::failed,
                 shown +

@@ -59,7 +59,8 @@ std::string with_run_extension(const std::string& name) {
 }
 
 std::string old_run(const std::string& name) {
-  const auto found = fs::status(name);
+  std::error_code unknown;  // RunReader reports the cause
+  const auto found = fs::status(name, unknown);
   const bool is_there = fs::exists(found) && !fs::is_directory(found);
   return is_there ? name : with_run_extension(name);
 }

@@ -170,11 +170,15 @@ TEST_CASE("exceptions of the API have the code of their cause") {
   };
   a_run(4).write(dir / "run");
   damage(dir / "run", "histogram of one byte in record ?1", {1});
+  std::filesystem::copy(dir / "run", dir / "short");
+  std::filesystem::resize_file(dir / "short", std::filesystem::file_size(dir / "short") / 2);
   for (const char* copy : {"m", "cut"}) std::filesystem::copy(made_model("ridge", 80), dir / copy);
   std::filesystem::resize_file(dir / "cut", std::filesystem::file_size(dir / "cut") - 9);
   const Record other = Run(one_pixel().write(dir / "other")).read(0);
   CHECK(open("none").code() == ErrorCode::not_found);
   CHECK_THAT(open("none").what(), Catch::Contains("none"));
+  CHECK(open(std::string(300, 'x').c_str()).code() == ErrorCode::disk);
+  CHECK(open("short").code() == ErrorCode::damaged);
   CHECK_THAT(load("none").what(), Catch::Contains("expected a model file"));
   CHECK(open("m").code() == ErrorCode::other_format);
   CHECK(open("cut").code() == ErrorCode::other_format);

@@ -256,7 +256,9 @@ def connected(path: pathlib.Path, closed: bool) -> Connection:
             if error.sqlite_errorcode & 255 not in (sqlite3.SQLITE_READONLY,
                                                     sqlite3.SQLITE_CANTOPEN):
                 raise ValueError(f"{path}: is a model; expected a run file" if is_model(path)
-                                 else f"{path}: not an echofuse run file: {error}") from None
+                                 else f"{path}: damaged: {error}" if error.sqlite_errorcode
+                                 == sqlite3.SQLITE_CORRUPT else
+                                 f"{path}: not an echofuse run file: {error}") from None
             for suffix in ("-wal", "-journal"):
                 rest = side_file(path, suffix)
                 if rest.is_file() and rest.stat().st_size:
