@@ -152,7 +152,11 @@ class Appender {
       const auto first = r.spd.begin() + static_cast<std::ptrdiff_t>(z * spd_.count);
       std::vector<float> zone(first, first + spd_.count);
       if (pulses > 0) ready = std::min(ready, pile_up_.correct(zone, pulses));
-      if (shifts_[z]) zone = shifts_[z]->apply(zone);
+      if (shifts_[z]) {
+        zone = shifts_[z]->apply(zone);
+        for (float& count : zone)
+          count = std::max(count, 0.0F);  // the interpolation may undershoot
+      }
       if (z == 0)
         out = std::move(zone);
       else

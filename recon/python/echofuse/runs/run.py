@@ -369,7 +369,7 @@ class Run:
     # photons(), power() and lags() are the inputs of the method (recon/README.md).
     @errors_with_path
     def photons(self) -> NDArray[np.float32]:
-        """Returns counts [n, bins] or [n, zones, bins], corrected for pile-up and range bias."""
+        """Returns counts >= 0 [n, bins] or [n, zones, bins] without pile-up and range bias."""
         table, axis = self.spd.astype(np.float32), self.axes.get("spd")
         if axis is None:
             return table
@@ -380,7 +380,7 @@ class Run:
                 part[:] = [pile_up.corrected(self, row, *clicks) for row in part]
         offset_ps = self.offset_m.get("spd", 0) * PS_PER_M
         for k, zero_ps in enumerate(zeros_ps):
-            parts[:, k] = shifted(parts[:, k], (offset_ps + zero_ps) / axis.step)
+            parts[:, k] = shifted(parts[:, k], (offset_ps + zero_ps) / axis.step).clip(0)
         return table
 
     @errors_with_path
