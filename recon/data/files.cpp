@@ -16,6 +16,7 @@ Bytes read_file(const std::string& path) {
 
 std::string read_text(const std::string& path) {
   std::string text = RegularFile(path, ExitCode::failed).rest<std::string>();
+  std::erase(text, '\r');
   return text.starts_with("\xef\xbb\xbf") ? text.substr(3) : text;
 }
 
@@ -37,7 +38,7 @@ std::vector<std::string> csv_fields(const std::string& line) {
       quoted = !quoted;
     else if (c == ',' && !quoted)
       out.emplace_back();
-    else if (c != '\r')
+    else
       out.back() += c;
   }
   return out;

@@ -9,7 +9,8 @@
 namespace echofuse::recon {
 
 Bytes read_file(const std::string& path);  // throws Error(failed) if the file cannot be read
-// Returns the text without its byte order mark. Throws Error(failed) if the file cannot be read.
+// Returns the text without its byte order mark and carriage returns. Throws Error(failed) if the
+// file cannot be read.
 std::string read_text(const std::string& path);
 // Replaces the file atomically (see write_atomically()).
 void write_file(const std::string& path, ByteView contents);

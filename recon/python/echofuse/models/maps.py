@@ -57,7 +57,8 @@ def save_maps(folder: str | pathlib.Path, depth_m: ArrayLike, index: ArrayLike,
     if run is not None:
         origin = origin_of(run)
     named = folder / "run.txt"
-    if origin and named.exists() and named.read_text().split("\n")[0] != origin.split("\n")[0]:
+    if origin and named.exists() and named.read_text("utf-8-sig", "replace").split(
+            "\n")[0] != origin.split("\n")[0]:
         raise FileExistsError(f"{folder}: contains maps of another run; choose another folder")
     named.unlink(missing_ok=True)
     if origin:
