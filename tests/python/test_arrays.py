@@ -143,7 +143,9 @@ def test_annotate_refuses_a_run_that_has_been_replaced(tmp_path):
 
 def test_rows_of_a_run_have_one_dimension(tmp_path):
     run = write(tmp_path / "own", spd=np.arange(15).reshape(3, 5), depth_m=np.full((3, 16, 16), 2.))
-    for rows in ([[0, 1], [1, 2]], np.array(1)):
+    with pytest.raises(IndexError, match="not masked"):
+        run[np.ma.masked_equal([0, 1], 1)]
+    for rows in ([[0, 1], [1, 2]], np.array(1), True):
         with pytest.raises(IndexError, match="expected a slice, a mask or a list"):
             run[rows]
     assert plot.timeline(run[1:]).axes and run[[2, 0]].labels == ["", ""]

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Tests how the Python package (recon/python) opens, reads and converts simulated runs."""
 import concurrent.futures
+import copy
 import fcntl
 import os
 import shutil
@@ -218,9 +219,13 @@ def test_follow_yields_the_records_of_a_growing_run_until_it_is_closed(folder, t
         for old, new, wanted in zip(before, (run.spd, run.radar, run.depth, run.maps()), (whole.spd, whole.radar, whole.depth, whole.maps())):
             assert np.array_equal(new, wanted, equal_nan=True) and np.array_equal(old, wanted[:3], equal_nan=True)
         assert run.labels == whole.labels and np.array_equal(run.time, whole.time) and all(mask.all() for mask in run.valid.values())
+        same = copy.copy(run)
+        change(db, "append the records ?1 to ?2 of the database whole", 5, 6)
+        run.refresh()
+        assert len(same) == len(same.labels) == 5 and len(same.refresh()) == len(same.labels) == 7
         change(db, "status of the run", "complete")
-        assert list(rows) == [4]
-    assert "5 of 5" in run._repr_html_() and "<script" not in run._repr_html_()
+        assert list(rows) == [4, 5, 6]
+    assert "7 of 7" in run._repr_html_() and "<script" not in run._repr_html_()
 
 
 def test_run_of_a_killed_program_has_status_crashed_and_follow_ends(folder, tmp_path):
@@ -336,6 +341,8 @@ def test_invalid_query_is_not_reported_as_damage(folder, sql, values, said):
     assert run.select("SELECT max(idx) FROM record") == [(59,)]
     with pytest.raises(ValueError, match=f"monday.sqlite: query rejected: .*{said}.*"):
         run.select(sql, *values)
+    with pytest.raises(ValueError, match="monday.sqlite: has no table 'records'"):
+        run.table("records")
 
 
 def test_reading_a_run_leaves_no_database_connection_open(folder):
@@ -390,7 +397,7 @@ def test_record_function_records_a_run_and_returns_it(tmp_path, monkeypatch):
     assert "%Y.sqlite" in said.stdout.splitlines()[-1] and "exist" in said.stdout.splitlines()[-1]
 
 
-def test_to_xarray_returns_arrays_with_units_and_coordinates(folder):
+def test_to_xarray_returns_arrays_with_units_and_coordinates(folder, tmp_path):
     pytest.importorskip("xarray")
     data = echofuse.to_xarray(echofuse.open(folder / "monday"))
     assert data.spd.dims == ("record", "spd_time") and data.spd_time.attrs["units"] == "ps"
@@ -398,6 +405,8 @@ def test_to_xarray_returns_arrays_with_units_and_coordinates(folder):
     assert data.spd_range.attrs["units"] == data.depth.attrs["units"] == "m" and data.spd_range[0] == pytest.approx(2, abs=0.01)
     assert set(data.spd_verdict.values) == {"ok"}
     assert int((data.label == "person").sum()) == 15
+    own = echofuse.write_run(tmp_path / "own", spd=data.spd, labels=data.label, program=BIN / "echofuse-acquire")
+    assert np.array_equal(own.spd, data.spd) and own.labels == data.label.values.tolist()
 
 
 def test_to_pandas_returns_one_row_per_record(folder):

@@ -145,8 +145,9 @@ def metadata(**entries):
     *(("50cm", False, record_3(*change)) for change in (("slot_utc_ns", "noon"), ("label", None), ("depth", None))),
     *(("50cm", False, metadata(radar_cell_m=cell, radar_taps=taps)) for cell, taps in (
         ("0.25", "1 0.5"), ("0.25", "0.5 0.5 0.5"), ("-0.25", "1 0.5 0.2"), ("0_25", "1 0.5 0.2"), ("0.25 +- 0.01", "1 0.5 0.2"), ("nan", "1 0.5 0.2"),
-        ("0.25", "1 1.2 0.5"), ("0.25", "1 inf 0.5"), ("0.25", "1 1e-400 0.2"), ("+-0.25", "1 0.5 0.2"), (" +0.25", "1  0.5 0.2 "),
+        ("0.25", "1 1.2 0.5"), ("\ufeff0.25", "1 0.5 0.2"), ("0.25", "1 inf 0.5"), ("0.25", "1 1e-400 0.2"), ("+-0.25", "1 0.5 0.2"), (" +0.25", "1  0.5 0.2 "),
         ("0.25", "0.2 0.1 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0.6 1 0.6 0.1 0 0 0 0 0 0 0 0 0 0 0.1"))),
+    ("50cm", False, [("metadata of the run", '\ufeff{"lens": "50 mm"}')]),
     *(("piled-up", False, metadata(detector_dead_time_ps=text)) for text in (
         "inf", "1e400", "3_0000", "0x7530", "3e4", " +30000", "30000 40000", "until the next pulse", "")),
     *(("piled-up", False, [("slot length of the run is ?1", value)]) for value in (0, "x", 1e300)),
@@ -175,7 +176,7 @@ def test_python_and_echofuse_recon_judge_damaged_records_and_metadata_alike(runs
     ("antenna", [("gain of the antennas is ?1", 0)]), ("antenna", [("without antenna ?1", 3)]),
     ("axis array", [("axis ?1 has the scale ?2", "array", 7.5)]), ("axis spd", [("axis ?1 has the scale ?2", "spd", 0)]),
     ("record", [("record ?1 has the number ?2", 3, -3)]), ("record", [("record ?1 has the number ?2", 3, 1 << 60)]),
-    ("the run table is empty", [("without a run",)]),
+    ("the run table is empty", [("without a run",)]), ("meta", [("metadata of the run", '{"lens": "\\ud800"}')]),
 ])
 def test_python_and_echofuse_acquire_refuse_the_same_runs(runs, tmp_path, said, changes):
     run = tmp_path / "run.sqlite"
@@ -212,9 +213,9 @@ def test_loaded_model_describes_its_inputs_and_accepts_arrays(runs, tmp_path):
             model.predict(spd=spd, radar=run.power())
     with pytest.raises(ValueError, match="spd: row 7 is masked in part"):
         model.predict(spd=np.ma.masked_less(spd, 0), radar=run.power())
-    spd[7] = 5
+    spd[7], spd[8] = 5, np.nan
     some = model.predict(spd=spd, radar=run.power())
-    assert some.faults == {7: "spd is the same in every bin"} and 7 not in some.index and len(some) == 59
+    assert some.faults == {7: "spd is the same in every bin", 8: "lacks spd, which the model needs"} and len(some) == 58
     with pytest.raises(ValueError, match=r"spd axis: \d+ points of counts from -?[\d.e+]+ ps in steps of 120 \(expected by .*: \d+ points of counts from"):
         model.predict(spd=run.photons(), radar=run.power(), axes={"spd": dataclasses.replace(run.axes["spd"], step=120.0)})
     assert np.array_equal(maps[3], maps.depth_m[3], equal_nan=True) and maps[[1, 2]].index.tolist() == [1, 2]
@@ -223,8 +224,9 @@ def test_loaded_model_describes_its_inputs_and_accepts_arrays(runs, tmp_path):
         with pytest.raises(ValueError, match="read-only"):
             table[0] = 0
     for offset_m, said in ((np.nan, "nan"), (11, "11"), ("0.1", "'0.1'"), (None, "None")):
-        with pytest.raises(ValueError, match=f"range_offset_m: {said} .expected"):
-            model.predict(run, range_offset_m=offset_m)
+        for shift in lambda m: model.predict(run, range_offset_m=m), run.power:
+            with pytest.raises(ValueError, match=f"^range_offset_m: {said} .expected"):
+                shift(offset_m)
     assert len(model.predict(spd=run.photons(), range_offset_m=0.1)) == 60
     with pytest.raises(ValueError, match="axes..spd..: None .expected an Axis"):
         model.predict(spd=run.photons(), axes={"spd": None})

@@ -53,6 +53,14 @@ def test_python_metrics_equal_those_of_the_evaluate_command(runs, tmp_path, how)
         assert np.isfinite(found).any(), column
 
 
+def test_a_scene_refuses_maps_of_another_size():
+    scene = metrics.Scene(np.zeros((8, 8), np.float32), 3.0)
+    for size in 1, 9:
+        for function in scene.true_mask, scene.share, scene.holds_returns, scene.clipped:
+            with pytest.raises(ValueError, match=r"expected \[2, 8, 8\]"):
+                function(np.ones((2, size, size)))
+
+
 def test_metrics_return_nan_for_undefined_scores():
     scene = metrics.Scene(np.zeros((8, 8), np.float32), 3.0)
     empty, body = np.full((1, 8, 8), np.nan), np.full((1, 8, 8), np.nan)

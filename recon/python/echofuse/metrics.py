@@ -21,7 +21,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike, NDArray
 
-from .runs.acquire import number, plain
+from .runs.arguments import number, plain
 from .runs.axis import tangents
 
 __all__ = ["Scene", "depth_mae_m", "ghost", "iou", "lateral_m", "ssim_fg"]
@@ -63,13 +63,8 @@ def score(function: Callable[..., Scores]) -> Callable[[ArrayLike, ArrayLike, Sc
     ground-truth maps and the scene differ."""
     @functools.wraps(function)
     def checked(maps: ArrayLike, truth: ArrayLike, scene: Scene) -> Scores:
-        found, true = pixels(maps), pixels(truth, "truth")
-        expected = (len(true), *scene.background_m.shape)
-        for name, table in ("maps", found), ("truth", true):
-            if table.shape != expected:
-                raise ValueError(f"{name}: shape {list(table.shape)} (expected {list(expected)}, "
-                                 "as in the ground-truth maps and the scene)")
-        return function(found, true, scene)
+        true = scene.pixels(truth, "truth")
+        return function(scene.pixels(maps, "maps", len(true)), true, scene)
     return checked
 
 
@@ -92,9 +87,8 @@ class Scene:
     def __post_init__(self) -> None:
         background = pixels([self.background_m], "background_m")[0]
         object.__setattr__(self, "background_m", background)
-        for name, minimum, maximum in LIMITS:
-            if not minimum <= number(name, getattr(self, name)) <= maximum:
-                raise ValueError(f"{name}: {getattr(self, name)} (expected {minimum} to {maximum})")
+        for name, *limits in LIMITS:
+            number(name, getattr(self, name), limits=limits)
 
     @classmethod
     def of_maps(cls, maps: ArrayLike, half_tangent: float = 0.55, far_m: float = 6.0) -> Scene:
@@ -114,18 +108,29 @@ class Scene:
         mean = float(np.float32(table[mask].mean(dtype=float)))
         return cls(background, mean, half_tangent, far_m)
 
+    def pixels(self, maps: ArrayLike, name: str = "maps",
+               count: int | None = None) -> NDArray[np.float32]:
+        """Returns maps [count, N, N], in which NaN and masked pixels are replaced with 0. Raises
+        ValueError if their number or their size differs from `count` or the scene."""
+        table = pixels(maps, name)
+        expected = [len(table) if count is None else count, *self.background_m.shape]
+        if [*table.shape] != expected:
+            raise ValueError(f"{name}: shape {list(table.shape)} (expected {expected}, as in the "
+                             "ground-truth maps and the scene)")
+        return table
+
     def true_mask(self, truth: ArrayLike) -> NDArray[np.bool_]:
         """Returns the foreground mask [n, N, N] of ground-truth maps. A return belongs to the
         foreground if it is more than 0.1 m from the background, or if its pixel has no
         background."""
-        z, b = pixels(truth), self.background_m
+        z, b = self.pixels(truth), self.background_m
         return (self.foreground_m > 0) & (z > 0) & ((b <= 0) | (abs(z - b) > np.float32(STEP_M)))
 
     def holds_returns(self, maps: ArrayLike) -> NDArray[np.bool_]:
         """For each map [n], returns whether its values are depths of returns, i.e. whether at most
         10 % of the values in pixels without background are below foreground_m / 8. In these pixels,
         maps predicted by a regression contain many values near 0."""
-        z = pixels(maps)
+        z = self.pixels(maps)
         open_ = (self.background_m <= 0) & (z > 0)
         nearer = open_ & (z < np.float32(NEAREST) * np.float32(self.foreground_m))
         return np.asarray(nearer.sum((1, 2)) <= NEARER * open_.sum((1, 2)))
@@ -145,7 +150,7 @@ class Scene:
 
     def clipped(self, maps: ArrayLike) -> NDArray[np.float32]:
         """Clips the depths of maps [n, N, N] to the interval from 0 to far_m."""
-        return pixels(maps).clip(0, np.float32(self.far_m))
+        return self.pixels(maps).clip(0, np.float32(self.far_m))
 
 
 @score

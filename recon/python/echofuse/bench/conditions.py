@@ -113,9 +113,8 @@ def _matched_sensors(axes: _Axes) -> None:
                  (2, 50, 200, 500, 1000, 2000), (2, 2000))
     axes.numeric("matched", "bin_width", "SPD bin width (ps)", (10, 50, 100, 200, 400, 800),
                  (800,), axes.at_bin_width, base["bin_width_ps"])
-    axes.numeric("matched", "radar_resolution", "radar resolution (m)",
-                 (0.044, 0.1, 0.25, 0.5, 1), (0.044, 1),
-                 lambda m: World(axes.at_resolution(m)), axes.resolution_m)
+    axes.numeric("matched", "radar_resolution", "radar resolution (m)", (0.044, 0.1, 0.25, 0.5, 1),
+                 (0.044, 1), lambda m: World(axes.at_resolution(m)), axes.resolution_m)
     axes.setting("matched", "baseline", "baseline (m)", "baseline_m", (2, 1, 0.5, 0.2, 0.1, 0),
                  (2, 0.1, 0))
     axes.setting("matched", "snr", "radar SNR (dB)", "radar_snr_db", (30, 20, 10, 5, 0), (10, 0))

@@ -55,9 +55,8 @@ def copy(path: str | pathlib.Path, out: str | pathlib.Path, *changes: Change) ->
         for change in changes:
             change(records)
         bits = sum(np.where(records.lost[name], 0, bit) for name, bit in runs.SENSORS.items())
-        tables: dict[str, NDArray[Any]] = {
-                  "index": run.index, "valid": np.asarray(bits, np.uint8), "spd": records.spd,
-                  "radar": records.radar}
+        tables: dict[str, NDArray[Any]] = {"index": run.index, "valid": np.asarray(bits, np.uint8),
+                                           "spd": records.spd, "radar": records.radar}
         sections: dict[str, dict[str, Any]] = {"": {"run": str(run.path.resolve())},
             "radar": {"offset_m": -float(records.range_offset_m)},
             "signal": dict.fromkeys(("weak_share", "spd_clicks", "clicks_per_pulse", "radar_snr_db",
@@ -130,8 +129,7 @@ def gain(factor: float) -> Change:
 def require_linear(records: Records) -> None:
     """Raises ValueError if the radar data are not linear power, or contain antenna samples."""
     axis = records.run.axes.get("radar")
-    if axis is None or axis.quantity not in ("power",
-                                             "binned_power") or "array" in records.run.axes:
+    if not axis or axis.quantity not in ("power", "binned_power") or "array" in records.run.axes:
         raise ValueError(
             f"{records.run.path}: expected radar profiles in linear power, and no antenna samples")
 

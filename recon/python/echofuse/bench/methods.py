@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from .. import runs
 from ..models.maps import save_maps
-from ..runs.acquire import plain
+from ..runs.arguments import plain
 from ..runs.programs import ProgramError, UsageError, call
 from ..runs.splits import split, usual_inputs
 from . import derive

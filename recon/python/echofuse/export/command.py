@@ -63,8 +63,7 @@ SIGNALS: dict[str, tuple[list[str], str, str, Callable[[Run], Any]]] = {
 TEXTS = {"title": "notes", "entry_identifier": "uuid", "start_time": "started_utc",
          "end_time": "ended_utc", "status": "status",
          "operator": "operator", "configuration": "config_resolved", "radar_cfg": "radar_cfg"}
-AXES = {"spd_time": "spd", "radar_range": "radar", "array_range": "array", "depth_x": "depth_x",
-        "depth_y": "depth_y"}
+AXES = netcdf.AXES | {"array_range": "array"}
 
 
 def units_of(table: str, column: str) -> str:
@@ -242,12 +241,10 @@ def export(run: Run, place: pathlib.Path, record: int | None = None,
 
 def main() -> None:
     """Runs echofuse-export with the arguments in sys.argv."""
-    parser = argparse.ArgumentParser(prog="echofuse-export",
-                                     description="export a run to HDF5 or netCDF, or one record "
-                                                 "to CSV",
-                                     formatter_class=argparse.RawDescriptionHelpFormatter,
-                                     epilog=f"{EXIT_CODES}5 some records are unreadable, 6 disk, "
-                                            "130 interrupted")
+    parser = argparse.ArgumentParser(
+        prog="echofuse-export", formatter_class=argparse.RawDescriptionHelpFormatter,
+        description="export a run to HDF5 or netCDF, or one record to CSV",
+        epilog=f"{EXIT_CODES}5 some records are unreadable, 6 disk, 130 interrupted")
     parser.add_argument("--version", action="version", version=f"echofuse-export {__version__}",
                         help="print the version and exit")
     parser.add_argument("run", metavar="RUN", help="run file")

@@ -21,18 +21,6 @@ def _stepped(states: Words, bits: int) -> Words:
 TABLE: Words = _stepped(np.arange(256, dtype=np.uint32), 8)
 
 
-def _after_zeros(count: int) -> Words:
-    """Returns a matrix over GF(2) that advances a CRC state by `count` zero bytes. Row k [32] is
-    the state that results from a state with only bit k set."""
-    power = _stepped(np.uint32(1) << np.arange(32, dtype=np.uint32), 8)  # matrix for one zero byte
-    out = np.uint32(1) << np.arange(32, dtype=np.uint32)
-    while count:
-        if count & 1:
-            out = _applied(power, out)
-        power, count = _applied(power, power), count >> 1
-    return out
-
-
 def _applied(matrix: Words, states: Words) -> Words:
     """Multiplies CRC states by a matrix over GF(2)."""
     bits = (states[:, None] >> np.arange(32, dtype=np.uint32)) & 1
@@ -43,7 +31,7 @@ def crc32c(data: bytes) -> int:
     """Returns the checksum of four or more bytes. The data are split into equal parts, which are
     processed in parallel; their states are then combined in pairs."""
     values = np.frombuffer(data, np.uint8)
-    length = max(1, -(-len(values) // ROWS))
+    length = 1 << (len(values) // ROWS).bit_length()  # of a part; a power of two
     # Leading zero bytes pad the data, because they do not change a CRC state of 0.
     padded = np.zeros(ROWS * length, np.uint8)
     padded[len(padded) - len(values):] = values
@@ -52,7 +40,10 @@ def crc32c(data: bytes) -> int:
     columns, states = padded.reshape(ROWS, length).T.copy(), np.zeros(ROWS, np.uint32)
     for column in columns:
         states = TABLE[(states ^ column) & 0xFF] ^ (states >> 8)
-    shift = _after_zeros(length)
+    # Matrix over GF(2) that advances a state by a zero byte. Row k is the state after bit k.
+    shift = _stepped(np.uint32(1) << np.arange(32, dtype=np.uint32), 8)
+    for _ in range(length.bit_length() - 1):
+        shift = _applied(shift, shift)
     while len(states) > 1:
         states, shift = _applied(shift, states[::2]) ^ states[1::2], _applied(shift, shift)
     return int(states[0]) ^ 0xFFFFFFFF

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..metrics import pixels
-from ..runs.acquire import plain
+from ..runs.arguments import plain
 from ..runs.run_files import printable
 from ..runs.staged import replaced
 

@@ -16,10 +16,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from .. import runs
 from ..runs import grid
-from ..runs.acquire import entries, number, plain
+from ..runs.arguments import RANGE_OFFSET_M, entries, is_single, number, plain, refused, rows_of
 from ..runs.axis import Axis, tangents
 from ..runs.batches import blocks
-from ..runs.grid import rows_of
 from ..runs.run import opened
 from ..runs.zones import summed
 from . import baselines
@@ -30,7 +29,6 @@ from .response import MUCH_NARROWER, Response, filter_between, filtered, stated_
 
 __all__ = ["Estimator", "Maps", "Model", "load_model", "read_safetensors"]
 
-MAX_RANGE_OFFSET_M = 10  # same value as in recon/cli/commands.cpp
 MAX_POWER, MAX_CLICKS_PER_S = 1e38, 1e8  # as in drivers/core/sample.hpp
 # Tolerances of the tangents of a zone's direction (x, y) and width (drivers/core/zone.hpp).
 ZONE_TOLERANCES = np.array([0.01, 0.01, 0.02])
@@ -69,14 +67,15 @@ class Estimator:
                   if name.startswith(group)}
         self.kind, self.inputs, self.size = (self.f["model"], self.f["inputs"],
                                              self.f["scene/map_size"])
+        #: sensors that must be valid
+        self.sensors = [name for name in ("spd", "radar")
+                        if self.inputs in (name, "fused", "fused-profile")]
         keys = ("quantity", "unit", "count", "start", "step", "scale")
-        required = {"spd": self.inputs != "radar", "radar": self.inputs != "spd",
-                    "lags": self.inputs == "fused"}
-        groups = {name: f"axes/{name.replace('lags', 'array')}" for name in required}
+        groups = {name: f"axes/{name}" for name in self.sensors}
+        groups |= {"lags": "axes/array"} if self.inputs == "fused" else {}
         #: axis of each required sensor, by sensor name
-        self.axes = {name: {key: self.f[f"{groups[name]}/{key}"] for key in keys}
-                     for name, is_required in required.items() if is_required
-                     and self.f.get(f"{groups[name]}/count", 0)}
+        self.axes = {name: Axis(name, *(self.f[f"{group}/{key}"] for key in keys))
+                     for name, group in groups.items() if self.f.get(f"{group}/count", 0)}
 
     def matched(self, name: str, axis: Axis | None, table: NDArray[Any]) -> NDArray[Any]:
         """Resamples sensor values to the axis of the estimator. Returns [n, 0] if the estimator
@@ -84,15 +83,11 @@ class Estimator:
         return (table[:, :0] if axis is None
                 or name not in self.axes else axis.resampled(table, self.axes[name]))
 
-    def fault_of(self, has_spd: bool, has_radar: bool, spd_varies: bool, radar_varies: bool) -> str:
+    def fault_of(self, row: int, has: dict[str, Any], varies: dict[str, Any]) -> str:
         """Returns why a record has no map, as fault_of() does in C++."""
-        needed = [name for name in ("spd", "radar") if self.inputs in (name, "fused",
-                                                                       "fused-profile")]
-        has, varies = {"spd": has_spd, "radar": has_radar}, {"spd": spd_varies,
-                                                             "radar": radar_varies}
-        if missing := " and ".join(name for name in needed if not has[name]):
+        if missing := " and ".join(name for name in self.sensors if not has[name][row]):
             return f"lacks {missing}, which the model needs"
-        if dead := [name for name in needed if not varies[name]]:
+        if dead := [name for name in self.sensors if not varies[name][row]]:
             return f"{dead[0]} is the same in every bin"
         return "lacks the samples of the radar's antennas, which the model needs"
 
@@ -112,13 +107,15 @@ class Estimator:
 
 class Arrays:
     """Arrays that are passed to a model instead of a run: counts [n, bins], linear power [n,
-    points] and lags [n, points, 2 D + 1] (Run.lags), all at true ranges. All rows are valid."""
+    points] and lags [n, points, 2 D + 1] (Run.lags), all at true ranges."""
 
     def __init__(self, axes: dict[str, Axis], spd: ArrayLike | None, radar: ArrayLike | None,
                  lags: ArrayLike | None) -> None:
-        given = {name: np.asarray(plain(name, table)[0], np.float32)
-                 for name, table in (("spd", spd), ("radar", radar), ("lags", lags))
-                 if table is not None}
+        with np.errstate(over="ignore"):  # infinite values are refused below
+            given = {name: plain(name, table)[0].astype(np.float32)
+                     for name, table in (("spd", spd), ("radar", radar), ("lags", lags))
+                     if table is not None}
+        lost: dict[str, Any] = {}  # rows that contain only NaN, as in write_run()
         for name, table in given.items():
             if name not in axes:
                 raise ValueError(f"{name}: shape {list(table.shape)} (expected none, because the "
@@ -128,8 +125,11 @@ class Arrays:
             if [*found] != expected:
                 raise ValueError(f"{name}: shape {list(table.shape)} (expected "
                                  f"[n, {', '.join(map(str, expected))}])")
+            values = tuple(range(1, table.ndim))
+            lost[name] = np.isnan(table).all(values)
+            table[lost[name]] = 0
             valid = (abs(table) < MAX_POWER) & (table >= (0 if name == "spd" else -np.inf))
-            if bad := np.flatnonzero(~valid.all(tuple(range(1, valid.ndim)))).tolist():
+            if bad := np.flatnonzero(~valid.all(values)).tolist():
                 raise ValueError(f"{name}: row {bad[0]} contains a non-finite value or a negative "
                                  f"count; remove {len(bad)} of {len(table)} rows")
         if len({len(table) for table in given.values()}) != 1:
@@ -140,7 +140,7 @@ class Arrays:
             name: axes[name] for name in given}
         self.index = np.arange(len(next(iter(given.values()))))
         self.power_axis, self.lags_axis = self.axes.get("radar"), self.axes.get("lags")
-        self.valid = {name: np.full(len(self.index), name in given) for name in ("spd", "radar")}
+        self.valid = {name: ~lost.get(name, np.ones(len(self), bool)) for name in ("spd", "radar")}
         self._given = given
 
     def __len__(self) -> int:
@@ -188,7 +188,7 @@ class Maps:
     def __getitem__(self, rows: Any) -> NDArray[np.float32] | Maps:
         """maps[3] and maps[-1] return one map [N, N], m. maps[10:20], maps[[1, 2]] and maps[mask]
         return Maps. Raises IndexError if a row does not exist."""
-        if isinstance(rows, (int, np.integer)):
+        if is_single(rows):
             return np.asarray(self.depth_m[rows])
         chosen = rows_of(len(self), rows)
         return replace(self, depth_m=self.depth_m[chosen], index=self.index[chosen],
@@ -244,7 +244,7 @@ class Model:
     @property
     def axes(self) -> dict[str, Axis]:
         """Axes of the training data: "spd" (counts), "radar" (linear power), "lags" (Run.lags)."""
-        return {name: Axis(name, **axis) for name, axis in self.estimators[0].axes.items()}
+        return dict(self.estimators[0].axes)
 
     def predict(self, run: runs.Run | str | pathlib.Path | None = None, *,
                 spd: ArrayLike | None = None,
@@ -252,23 +252,21 @@ class Model:
                 axes: dict[str, Axis] | None = None, range_offset_m: float = 0) -> Maps:
         """Predicts the maps of all records that have the required sensors. The input is a run (or
         its path), or arrays at true ranges: counts `spd` [n, bins], linear power `radar` [n,
-        points] and `lags` (Run.lags). The records of the arrays are numbered 0, 1, 2 ... `axes` are
-        the axes of the arrays (default: Model.axes). `range_offset_m` is a radar range bias in
+        points] and `lags` (Run.lags), in which a row means a missing sensor if all its values are
+        NaN, masked or None. The records of the arrays are numbered 0, 1, 2 ... `axes` are the axes
+        of the arrays (default: Model.axes). `range_offset_m` is a radar range bias in
         metres, which is subtracted in addition to the calibrated offset of the run. Raises
         ValueError if the axes are incompatible or an argument is invalid. Damaged records of a run
         have no map."""
-        if not abs(number("range_offset_m", range_offset_m)) <= MAX_RANGE_OFFSET_M:
-            raise ValueError(f"range_offset_m: {range_offset_m} (expected -{MAX_RANGE_OFFSET_M} to "
-                             f"{MAX_RANGE_OFFSET_M})")
+        range_offset_m = number("range_offset_m", range_offset_m, limits=RANGE_OFFSET_M)
         for name, axis in entries("axes", axes):
             if not isinstance(axis, Axis):
-                raise ValueError(f"axes[{name!r}]: {axis!r} (expected an Axis)")
+                raise refused(f"axes[{name!r}]", axis, "an Axis")
         if run is not None and any(given is not None for given in (spd, radar, lags, axes)):
             raise ValueError("predict: expected a run or arrays, not both")
         if run is None:
             return self._maps(Arrays(self.axes | (axes or {}), spd, radar, lags), range_offset_m)
-        run, inputs = opened(run), self.estimators[0].inputs
-        sensors = [name for name, other in (("spd", "radar"), ("radar", "spd")) if inputs != other]
+        run, sensors = opened(run), self.estimators[0].sensors
         return joined([self._maps(part, range_offset_m, implausible(part, sensors) | {
             row: fault.removeprefix("unreadable: ") for row, fault in unreadable.items()})
             for _, part, unreadable in blocks(run, sensors=sensors)])
@@ -285,10 +283,10 @@ class Model:
             if not (self.any_response and stated.width_m() < MUCH_NARROWER
                     * self.response.width_m()):
                 weights = filter_between(stated, self.response, run.power_axis.step)
-        spd = run.valid["spd"] & ~is_constant(counts)
-        radar = run.valid["radar"] & ~is_constant(power)
+        varies = {name: run.valid[name] & ~is_constant(table)
+                  for name, table in (("spd", counts), ("radar", power))}
         for row in damaged or {}:
-            spd[row] = radar[row] = False
+            varies["spd"][row] = varies["radar"][row] = False
         first = self.estimators[0]
         maps = np.zeros((len(run), first.size, first.size), np.float32)
         by = np.full(len(run), -1)
@@ -297,8 +295,7 @@ class Model:
             if antennas is not None and (run.lags_axis is None
                                          or not run.lags_axis.is_near(antennas)):
                 continue
-            able = {"fused": spd & radar, "fused-profile": spd & radar, "spd": spd,
-                    "radar": radar}[estimator.inputs]
+            able = np.logical_and.reduce([varies[name] for name in estimator.sensors])
             if antennas is not None:
                 able = able & (lags != 0).any((1, 2))
             rows = np.flatnonzero(able & (by < 0))
@@ -308,7 +305,7 @@ class Model:
             for name, axis in axes_of.items():
                 if name in estimator.axes and not (axis and axis.is_near(estimator.axes[name])):
                     raise ValueError(f"{run.path}: {name} axis: {axis or 'no points'} (expected by "
-                        f"{self.path}: {Axis(name, **estimator.axes[name])})")
+                        f"{self.path}: {estimator.axes[name]})")
             by[rows] = k
             inputs = {name: estimator.matched(name, axes_of[name], table[rows])
                       for name, table in (("spd", counts), ("radar", power), ("lags", lags))}
@@ -324,9 +321,8 @@ class Model:
                 for axis in axes)
         depth_m = np.minimum(np.where(maps[done] > 0, maps[done], np.float32(np.nan)),
                              np.float32(first.f["scene/map_z_max_m"]))
-        faults = {int(run.index[row]): first.fault_of(
-            run.valid["spd"][row], run.valid["radar"][row], spd[row], radar[row])
-            for row in np.flatnonzero(by < 0)}
+        faults = {int(run.index[row]): first.fault_of(row, run.valid, varies)
+                  for row in np.flatnonzero(by < 0)}
         faults |= {int(run.index[row]): fault for row, fault in (damaged or {}).items()}
         return Maps(depth_m, run.index[done], x.values, y.values,
                     [self.estimators[k].inputs for k in by[done]], half, self._origin(run), faults)

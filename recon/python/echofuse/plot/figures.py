@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .. import models, runs
 from ..models.maps import span_of
-from ..runs.acquire import plain
+from ..runs.arguments import plain
 from ..runs.run import opened
 
 __all__ = ["COLOURS", "figure", "learning_curve", "map", "maps", "opened", "pareto", "record",
@@ -239,8 +239,7 @@ def timeline(run: runs.Run | Path, *, ax: Panels = None) -> Figure:
     *axes, residuals = axes[:len(names) + 1]
     minutes = (run.time - run.time[0]) / np.timedelta64(1, "s") / 60 if len(run) else np.zeros(0)
     for panel, (sensor, name) in zip(axes, names.items()):
-        panel.plot(minutes, used[:, columns[sensor]] / window,
-                   color=COLOURS[sensor], lw=1)
+        panel.plot(minutes, used[:, columns[sensor]] / window, color=COLOURS[sensor], lw=1)
         panel.vlines(minutes[~run.valid[sensor]], 0, 1, color=COLOURS["bad"], lw=1, alpha=0.6,
                      transform=panel.get_xaxis_transform())
         panel.set_ylabel(name.replace(" ", "\n", 1), fontsize=8)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import errno
 import json
-import math
 import os
 import pathlib
 import re
@@ -13,19 +12,19 @@ import signal
 import subprocess
 import tempfile
 import warnings
-from collections.abc import Iterable, Mapping, Set
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import run as runs
+from .arguments import entries, listed, number, plain, text_of
 from .programs import ProgramError, call, not_started, path_of
 
-__all__ = ["annotate", "import_arrays", "plain", "record", "write_run"]
+__all__ = ["annotate", "import_arrays", "record", "write_run"]
 
 Path = str | os.PathLike[str]
-ma: Any = np.ma  # NumPy does not declare types of masked arrays
 
 
 def acquire_program(program: str | None) -> str:
@@ -45,54 +44,6 @@ def toml(value: Any) -> str:
     if isinstance(value, (bool, int, float)):
         return repr(value).lower()
     return json.dumps(os.fspath(value), ensure_ascii=False).replace("\x7f", "\\u007f")
-
-
-def is_missing(value: Any) -> bool:
-    """Returns whether a value is NaN, None or a missing value of pandas."""
-    return value is None or not isinstance(value, str) and str(value) in ("nan", "NaT", "<NA>")
-
-
-def text_of(name: str, value: Any) -> str:
-    """Returns text or a number as text; missing values become "". Raises ValueError for other
-    values and for text that is not valid Unicode."""
-    is_time = getattr(value, "dtype", np.dtype(str)).kind in "mM"
-    value = value.tolist() if hasattr(value, "tolist") else value
-    if is_missing(value):
-        return ""
-    if is_time or not isinstance(value, (str, int, float)):
-        raise ValueError(f"{name}: {value!r} (expected text or a number)")
-    if any("\ud800" <= character <= "\udfff" for character in str(value)):
-        raise ValueError(f"{name}: {value!r} (expected valid Unicode text)")
-    return str(value)
-
-
-def number(name: str, value: Any, kind: type = float) -> Any:
-    """Returns a value as a number. Raises ValueError if it is masked or not of this kind."""
-    try:
-        if isinstance(value, (str, bytes)) or ma.is_masked(value):
-            raise TypeError
-        found = kind(value)
-        if kind is int and (found != value or abs(found) >= 1 << 63):
-            raise ValueError
-    except (TypeError, ValueError, OverflowError):
-        expected = "an integer" if kind is int else "a number"
-        raise ValueError(f"{name}: {value!r} (expected {expected})") from None
-    return found
-
-
-def listed(name: str, values: Any) -> list[Any]:
-    """Returns the items of a sequence. Raises ValueError if it is not a sequence."""
-    if (isinstance(values, (str, bytes, Set, Mapping)) or not hasattr(values, "__iter__")
-            or getattr(values, "ndim", 1) == 0):
-        raise ValueError(f"{name}: {values!r} (expected a sequence)")
-    return list(values)
-
-
-def entries(name: str, values: Any) -> list[tuple[Any, Any]]:
-    """Returns the items of a dict or of None. Raises ValueError for other values."""
-    if values is not None and not isinstance(values, Mapping):
-        raise ValueError(f"{name}: {values!r} (expected a dict)")
-    return list((values or {}).items())
 
 
 def vectors(name: str, values: Any) -> list[str]:
@@ -127,7 +78,8 @@ def annotate(run: runs.Run | Path, text: str | None = None, *, label: Any = None
     if label is None:
         arguments = ["--", text_of("text", text)]
     else:
-        arguments = [f"--label={text_of('label', label)}"]
+        label = text_of("label", label)
+        arguments = [f"--label={label}"] if label else ["--label", ""]
     call(acquire_program(program), "annotate", path, *arguments)
 
 
@@ -192,12 +144,11 @@ def write_run(path: Path, *, spd: ArrayLike | None = None, first_bin_ps: float =
     radar: linear power [n, points]. first_m: range of the first point. radar_cell_m, radar_taps:
     radar response (run.toml). array: antenna samples [n, bins, values] in the format of
     antennas.values(), each the mean of array_frames frames, with `antennas` as in Run.antennas.
-    depth_m: z [n, rows, columns] with the
-    top-left pixel first, in m, or in mm if they are integers; NaN, 0 or masked: no return. The
-    width spans tangents of +-half_tangent, and depths above far_m count as no return. map_size:
-    width and height of the maps; 0: the size of square images of 3 to 256 pixels, otherwise 64 with
-    a warning. began: start of the run, UTC. label, labels: text or numbers. signal: limits of the
-    verdicts, as in lab.toml."""
+    depth_m: z [n, rows, columns] with the top-left pixel first, in m, or in mm if they are
+    integers; NaN, 0 or masked: no return. The width spans tangents of +-half_tangent, and depths
+    above far_m count as no return. map_size: width and height of the maps; 0: the size of square
+    images of 3 to 256 pixels, otherwise 64 with a warning. began: start of the run, UTC. label,
+    labels: text or numbers. signal: limits of the verdicts, as in lab.toml."""
     given = {"spd": spd, "radar": radar, "array": array, "depth_m": depth_m}
     tables = {name: plain(name, values) for name, values in given.items() if values is not None}
     depth, in_mm = tables.pop("depth_m", (np.zeros(0), False))
@@ -227,38 +178,6 @@ def write_run(path: Path, *, spd: ArrayLike | None = None, first_bin_ps: float =
     import_arrays(path, sections, arrays | ({} if depth_m is None else {"depth": depth}),
                   *([] if began in (None, "") else ["--began", began]), program=program)
     return runs.open(new_path(path))
-
-
-def plain(name: str, values: Any) -> tuple[NDArray[Any], bool]:
-    """Returns an array in which masked values and None are NaN, and whether the given numbers are
-    integers. Raises ValueError if the values are not numbers, or if a row that is not a depth image
-    is masked in part."""
-    try:
-        if isinstance(values, (list, tuple)):  # replaces None with a masked row
-            missing = [row is None or row is ma.masked for row in values]
-            of_row = ma.masked_all_like(ma.asarray([*values, ()][(*missing, False).index(0)]))
-            values = [of_row if lost else row for row, lost in zip(values, missing)]
-        found = ma.asarray(values)
-        table, masked = found.data, ma.getmaskarray(found)
-        if table.dtype == object:  # contains None or the missing value of pandas
-            masked = masked | np.array([*map(is_missing, table.flat)], bool).reshape(table.shape)
-            numbers = np.array(table[~masked].tolist())
-            table = np.zeros(table.shape, numbers.dtype)
-            table[~masked] = numbers
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"{name}: expected an array of numbers: {error}") from None
-    if not table.ndim or table.dtype.kind not in "biuf":
-        raise ValueError(f"{name}: expected an array of numbers, not {table.dtype} {table.shape}")
-    is_integer = table.dtype.kind in "biu"
-    if masked.any():
-        rows = masked.reshape(len(masked), math.prod(masked.shape[1:]))
-        partly = np.flatnonzero(rows.any(1) & ~rows.all(1))
-        if name in ("spd", "radar", "array", "lags") and partly.size:
-            raise ValueError(f"{name}: row {partly[0]} is masked in part; expected a whole row")
-        table = np.where(masked, np.nan, table.astype(float))
-    if table.dtype.kind == "f":
-        return np.ascontiguousarray(table, "<f8" if name == "spd" else "<f4"), is_integer
-    return np.ascontiguousarray(table, table.dtype.newbyteorder("<")), is_integer
 
 
 def import_arrays(out: Path, sections: dict[str, dict[str, Any]], arrays: dict[str, NDArray[Any]],

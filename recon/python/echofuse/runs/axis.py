@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,15 +31,14 @@ class Axis:
         """Positions of the points [count], in `unit`."""
         return self.start + self.step * np.arange(self.count)
 
-    def is_near(self, other: dict[str, Any]) -> bool:
+    def is_near(self, other: Axis) -> bool:
         """Returns whether the positions on this axis and on `other` differ by at most one bin. This
         axis may have more bins than `other`."""
-        start = self.start - other["start"]
-        end = start + (self.step - other["step"]) * other["count"]
-        return bool(self.quantity == other["quantity"] and self.unit == other["unit"]
-                    and self.scale == other["scale"]
-                    and self.count >= other["count"]
-                    and max(abs(start), abs(end)) <= abs(other["step"]))
+        start = self.start - other.start
+        end = start + (self.step - other.step) * other.count
+        return bool(self.quantity == other.quantity and self.unit == other.unit
+                    and self.scale == other.scale and self.count >= other.count
+                    and max(abs(start), abs(end)) <= abs(other.step))
 
     def is_same(self, other: Axis | None) -> bool:
         """Returns whether the positions on this axis and on `other` are equal, apart from rounding
@@ -48,15 +46,13 @@ class Axis:
         return bool(other and self.quantity == other.quantity and self.count == other.count
                     and np.allclose(self.values, other.values, 0, 1e-3 * abs(self.step)))
 
-    def resampled(self, table: NDArray[np.float32], target: dict[str, Any]) -> NDArray[np.float32]:
+    def resampled(self, table: NDArray[np.float32], target: Axis) -> NDArray[np.float32]:
         """Interpolates values [n, bins, ...] linearly at the positions of another axis."""
-        count = target["count"]
-        start = self.start - target["start"]
-        end = start + (self.step - target["step"]) * count
-        if max(abs(start), abs(end)) <= 1e-3 * abs(target["step"]):
-            return table[:, :count]
-        place = ((target["start"] - self.start + target["step"] * np.arange(count))
-                 / self.step).clip(0, self.count - 1)
+        start = self.start - target.start
+        end = start + (self.step - target.step) * target.count
+        if max(abs(start), abs(end)) <= 1e-3 * abs(target.step):
+            return table[:, :target.count]
+        place = ((target.values - self.start) / self.step).clip(0, self.count - 1)
         first = place.astype(int)
         part = (place - first).astype(np.float32).reshape(-1, *[1] * (table.ndim - 2))
         return np.asarray((1 - part) * table[:, first] + part

@@ -29,9 +29,8 @@ __all__ = ["convert", "main"]
 OLD_TEXTS = {"tags cover only ": "covers only part", "histograms cover only ": "covers only part",
              "frames of ": "other axis", "axis differs ": "other axis",
              "frames without a range profile": "no range profile",
-             "no start tags on ": "no start tags",
-             "in overflow for ": "in overflow", "dropped: ": "not stored",
-             "cannot be stored": "not stored", "frozen": "stands still"}
+             "no start tags on ": "no start tags", "in overflow for ": "in overflow",
+             "dropped: ": "not stored", "cannot be stored": "not stored", "frozen": "stands still"}
 
 
 def word_and_figures(verdict: str) -> tuple[str, str]:

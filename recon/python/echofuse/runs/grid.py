@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Growing", "cells", "inflated", "read_only", "rows_of", "shifted", "to_map"]
+__all__ = ["Growing", "cells", "inflated", "read_only", "shifted", "to_map"]
 
 
 def cells(source: Any, target: Any) -> list[tuple[int, int]]:
@@ -64,25 +64,6 @@ def to_map(columns: list[tuple[int, int]], rows: list[tuple[int, int]], size: tu
         return in_m(median, (valid > 0) & (2 * valid >= count)).reshape(shape)
 
     return of_cells
-
-
-class RowsError(IndexError):
-    """Rows that the caller has chosen do not exist; the file is not damaged."""
-
-
-def rows_of(count: int, rows: Any) -> NDArray[np.int64]:
-    """Converts a slice, a mask or a list to row numbers from 0 to count - 1. Raises RowsError if a
-    row is outside this range."""
-    selected: slice | NDArray[Any] = rows if isinstance(rows, slice) else np.asarray(rows)
-    if isinstance(selected, np.ndarray) and not selected.size:
-        selected = selected.astype(int)  # NumPy converts an empty list to floats
-    if isinstance(selected, np.ndarray) and selected.ndim != 1:
-        raise RowsError("expected a slice, a mask or a list of rows, not an array of "
-                        f"{selected.ndim} dimensions")
-    try:
-        return np.asarray(np.arange(count)[selected])
-    except IndexError as error:
-        raise RowsError(str(error)) from None
 
 
 class Growing:

@@ -13,10 +13,12 @@ from .batches import Progress, blocks, marked
 from .run import PS_PER_M, SENSORS, Run
 from .zones import Zone
 
-__all__ = ["LONG_NAMES", "SINCE_1970", "dataset", "engine", "write"]
+__all__ = ["AXES", "LONG_NAMES", "SINCE_1970", "dataset", "engine", "write"]
 
 SINCE_1970 = "nanoseconds since 1970-01-01T00:00:00Z"  # unit of times in xarray and netCDF
 ONE = {"units": "1"}
+# axis of the run, by dimension
+AXES = {"spd_time": "spd", "radar_range": "radar", "depth_y": "depth_y", "depth_x": "depth_x"}
 HEAD_BYTES = 200_000  # more than the size of a file with one record, 87 kB
 # names of attributes that the netCDF libraries use themselves
 RESERVED = {"CLASS", "DIMENSION_LIST", "NAME", "REFERENCE_LIST", "_NCProperties",
@@ -45,27 +47,24 @@ def dataset(run: Run) -> Any:
     columns = {"verdict": "verdict", "figures": "figures of the verdict",
                "used": "number of tags, histograms or frames used",
                "lost": "number of tags, histograms or frames lost"}
-    rows = run.of_records(", ".join(f"{s}_{c}" for s in SENSORS for c in columns))
-    events = run.select("SELECT utc, level, source, text FROM event ORDER BY id")
+    quality, events = run.quality(), run.events()
     coords: dict[str, Any] = {"record": ("record", run.index, ONE), "time": ("record", run.time),
                               "label": ("record", run.labels)}
     data: dict[str, Any] = {}
     of_zone = ("zone",) if run.zones else ()
     dims_of = {"spd": (*of_zone, "spd_time"), "radar": ("radar_range",),
                "depth": ("depth_y", "depth_x")}
-    axes = {"spd_time": "spd", "radar_range": "radar", "depth_y": "depth_y", "depth_x": "depth_x"}
     unit = {"spd": "counts", "radar": "1", "depth": "m"}
-    for place, (sensor, dims) in enumerate(dims_of.items()):
-        if not all(axes[dim] in run.axes for dim in dims if dim != "zone"):
+    for sensor, dims in dims_of.items():
+        if not all(AXES[dim] in run.axes for dim in dims if dim != "zone"):
             continue
         data[sensor] = (("record", *dims), getattr(run, sensor), {"units": unit[sensor]})
         coords[f"{sensor}_valid"] = ("record", run.valid[sensor], ONE)
-        for at, column in enumerate(columns):
-            values = [row[len(columns) * place + at] for row in rows]
-            coords[f"{sensor}_{column}"] = ("record", values,
+        for column in columns:
+            coords[f"{sensor}_{column}"] = ("record", quality[f"{sensor}_{column}"],
                                             ONE if column in ("used", "lost") else {})
-        for dim in filter(axes.get, dims):
-            axis = run.axes[axes[dim]]
+        for dim in filter(AXES.get, dims):
+            axis = run.axes[AXES[dim]]
             coords[dim] = (dim, axis.values, {"units": axis.unit})
     if "spd" in data:
         coords["spd_range"] = ("spd_time", run.axes["spd"].values / PS_PER_M, {"units": "m"})

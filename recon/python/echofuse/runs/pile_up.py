@@ -8,9 +8,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .run_files import numbers_in
+from .run_files import numbers_in, reals
 
-__all__ = ["corrected"]
+__all__ = ["clicks_of", "corrected"]
+
+
+def clicks_of(run: Any) -> list[tuple[float, float]]:
+    """For each record, returns its clicks, and its clicks per laser pulse (0: unknown)."""
+    rows = run.of_records(f"{reals(in_range=0, out_of_range=0, starts=0)}, "
+                          "CAST(clicks_per_pulse AS REAL)")
+    return [(a + b, known if known is not None else (a + b) / starts
+             if a + b < 0.95 * starts else 0.0) for a, b, starts, known in rows]
 
 
 def corrected(run: Any, counts: NDArray[np.float32], clicks: float,

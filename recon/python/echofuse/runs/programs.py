@@ -8,8 +8,7 @@ import pathlib
 import subprocess
 import sys
 
-__all__ = ["EXIT_CODES", "ProgramError", "UsageError", "call", "not_started", "path_of",
-           "positive"]
+__all__ = ["EXIT_CODES", "ProgramError", "UsageError", "call", "not_started", "path_of", "positive"]
 
 
 EXIT_CODES = "exit codes:  0 ok, 1 failed, 2 usage, "  # each program appends its own codes

@@ -2,7 +2,6 @@
 """Reads a run file (acquire/RUN_FILE.md) as arrays. Requires only sqlite3 and NumPy."""
 from __future__ import annotations
 
-import copy
 import html
 import json
 import pathlib
@@ -20,12 +19,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import grid, pile_up
 from . import lags as antenna_lags
+from .arguments import RANGE_OFFSET_M, errors_with_path, is_single, number, rows_of
 from .axis import Axis, tangents
-from .damaged import errors_with_path
-from .grid import Growing, inflated, read_only, rows_of, shifted
+from .grid import Growing, inflated, read_only, shifted
 from .record import Record
 from .run_files import (NULL_INTEGER, STATISTICS, Connection, antennas_of, axes_of, connect,
-                        leftovers, meta_of, offsets_of, query, reals, status_of, table)
+                        leftovers, meta_of, offsets_of, query, status_of, table)
 from .zones import Zone
 from .zones import stored as stored_zones
 
@@ -37,7 +36,7 @@ MAX_PIXELS, MAX_INDEX = 1 << 23, 1 << 53  # pixels per image; number of a record
 BLOCK = 64  # number of records that an iteration reads at once
 METRES = np.arange(1 << 16, dtype=np.float32) / np.float32(1000)  # z of each value of a pixel, m
 METRES[0] = np.nan
-APPENDING = threading.Lock()
+APPENDING = threading.RLock()
 
 
 def open(path: str | pathlib.Path) -> "Run":  # noqa: A001 (intended name)
@@ -107,19 +106,23 @@ class Run:
     def __getitem__(self, rows: Any) -> "Record | Run":
         """run[3] and run[-1] return one record. run[10:20], run[[1, 2]] and run[mask] return a run
         of the selected records, with the axes, tables and events of the whole run."""
-        if isinstance(rows, (int, np.integer)):
+        if is_single(rows):
             return Record(self, range(len(self))[rows])
-        chosen, part = rows_of(len(self), rows), copy.copy(self)
-        part._grown, part._block = {}, None
+        chosen, part = rows_of(len(self), rows), Run.__new__(Run)
+        part.__dict__ |= self.__dict__ | {"_grown": {}, "_block": None}
         part.index, part.time = self.index[chosen], self.time[chosen]
         part.labels = [self.labels[row] for row in chosen]
         part.valid = {name: mask[chosen] for name, mask in self.valid.items()}
         return part
 
+    def __copy__(self) -> "Run":
+        return self[:]
+
     def refresh(self) -> "Run":
         """Reads the new records of the run file. A run of selected records becomes the whole
         run."""
-        self._read()
+        with APPENDING:
+            self._read()
         return self
 
     def _forget(self) -> None:
@@ -163,8 +166,9 @@ class Run:
         row = 0
         while True:
             ended = self.refresh().info["status"] != "open"
-            yield from range(row, len(self))
-            row = len(self)
+            while row < len(self):  # the caller may call refresh(), too
+                yield row
+                row += 1
             if ended:
                 return
             time.sleep(pause_s)
@@ -193,12 +197,12 @@ class Run:
         if layout != (self.axes, self.antennas, self.zones):
             self._forget()
         index, bits, labels, utc = zip(*rows) if rows else ((), (), (), ())
-        self.index = self._grow("index", np.array(index, np.int64))
         self.labels.extend(labels)
         self.time = self._grow("time", np.array(utc, "datetime64[ns]"))
         mask = np.array(bits, np.int64)
         self.valid = {name: self._grow(f"{name} is valid", (mask & bit) != 0)
                       for name, bit in SENSORS.items()}
+        self.index = self._grow("index", np.array(index, np.int64))  # last: threads read its rows
 
     @contextmanager
     def _opened(self) -> Iterator[Connection]:
@@ -255,6 +259,8 @@ class Run:
 
     def table(self, name: str) -> dict[str, NDArray[Any]]:
         """Returns all columns of a table except blobs (see run_files.table)."""
+        if name not in self.tables:
+            raise ValueError(f"{self.path}: has no table {name!r}; see Run.tables")
         with self._opened() as db:
             return table(db, name)
 
@@ -267,12 +273,16 @@ class Run:
         """Returns a dict of columns [n], with one value per record: length_s, and five columns for
         each sensor, e.g. spd_used, spd_lost, spd_verdict (the word of the verdict), spd_figures
         (its values) and spd_clock_residual_s."""
-        names = [f"{s}_{name}" for s in SENSORS
-                 for name in ("used", "lost", "verdict", "figures", "clock_residual_s")]
-        rows = self.of_records(", ".join(["(slot_end_ns - slot_start_ns) * 1e-9", *names]))
-        texts = ("verdict", "figures")
-        return {name: np.array([row[k] for row in rows], object if name.endswith(texts) else float)
-                for k, name in enumerate(["length_s", *names])}
+        count = "CAST(ifnull({}, 0) AS INTEGER)", int
+        text = "CAST(ifnull({}, '') AS TEXT)", object
+        kinds = {"used": count, "lost": count, "verdict": text, "figures": text,
+                 "clock_residual_s": ("{}", float)}
+        reads = {"length_s": ("(slot_end_ns - slot_start_ns) * 1e-9", float)} | {
+            f"{s}_{name}": (sql.format(f"{s}_{name}"), kind)
+            for s in SENSORS for name, (sql, kind) in kinds.items()}
+        rows = self.of_records(", ".join(sql for sql, _ in reads.values()))
+        return {name: np.array([row[k] for row in rows], kind)
+                for k, (name, (_, kind)) in enumerate(reads.items())}
 
     def __len__(self) -> int:
         return len(self.index)
@@ -284,13 +294,11 @@ class Run:
         """Returns a summary for notebooks, with one line per sensor."""
         cells = "".join(
             f"<tr><td>{name}</td><td>{mask.sum()} of {len(self)}</td><td>{axis.count} x "
-            f"{axis.step:.4g} "
-                        f"{html.escape(axis.unit)} from {axis.start:.4g}</td></tr>"
+            f"{axis.step:.4g} {html.escape(axis.unit)} from {axis.start:.4g}</td></tr>"
             for name, mask in self.valid.items()
-                        if (axis := self.axes.get("depth_x" if name == "depth" else name)))
-        title = html.escape(
-            f"{self.path.name}: {len(self)} records of {self.info['window_s']:g} s, "
-            f"{self.info['status']}")
+            if (axis := self.axes.get("depth_x" if name == "depth" else name)))
+        title = html.escape(f"{self.path.name}: {len(self)} records of "
+                            f"{self.info['window_s']:g} s, {self.info['status']}")
         return (f"<b>{title}</b><table><tr><th>sensor</th><th>valid</th><th>axis</th></tr>"
                 f"{cells}</table>")
 
@@ -376,7 +384,7 @@ class Run:
         zeros_ps = [zone.zero_ps for zone in self.zones] or [0.0]
         parts = table.reshape(len(self), len(zeros_ps), axis.count)  # `parts` is a view of `table`
         if self.meta.get("detector_dead_time_ps") is not None:
-            for part, clicks in zip(parts, self._clicks()):
+            for part, clicks in zip(parts, pile_up.clicks_of(self)):
                 part[:] = [pile_up.corrected(self, row, *clicks) for row in part]
         offset_ps = self.offset_m.get("spd", 0) * PS_PER_M
         for k, zero_ps in enumerate(zeros_ps):
@@ -392,8 +400,7 @@ class Run:
         power = np.nan_to_num(self.radar)
         if self.axes["radar"].quantity == "power_with_noise":
             power = power - np.sort(power, axis=1)[:, power.shape[1] // 2, None]
-        by_m = range_offset_m + self.offset_m.get("radar", 0)
-        return shifted(power, by_m / self.axes["radar"].step)
+        return shifted(power, self._bias_m(range_offset_m) / self.axes["radar"].step)
 
     @property
     def power_axis(self) -> Axis | None:
@@ -417,8 +424,11 @@ class Run:
         out = np.zeros((len(self), axis.count, 1 + 2 * int(axis.scale)))
         for row, bins in self.array_bins():
             out[row] = antenna_lags.of_bins(bins, self.antennas, self._pairs)
-        by_m = range_offset_m + self.offset_m.get("radar", 0)
-        return shifted(out.astype(np.float32), by_m / axis.step)
+        return shifted(out.astype(np.float32), self._bias_m(range_offset_m) / axis.step)
+
+    def _bias_m(self, m: float) -> float:
+        m = number("range_offset_m", m, limits=RANGE_OFFSET_M)
+        return m + self.offset_m.get("radar", 0)
 
     def array_bins(self) -> Iterator[tuple[int, NDArray[Any]]]:
         """For each row with antenna samples, yields the row and its bins (radar_array.hpp): the
@@ -442,13 +452,6 @@ class Run:
     @cached_property
     def _pairs(self) -> tuple[antenna_lags.Pairs, antenna_lags.Pairs]:
         return antenna_lags.pairs_of(self.antennas)
-
-    def _clicks(self) -> list[tuple[float, float]]:
-        """For each record, returns its clicks, and its clicks per laser pulse (0: unknown)."""
-        rows = self.of_records(f"{reals(in_range=0, out_of_range=0, starts=0)}, "
-                               "CAST(clicks_per_pulse AS REAL)")
-        return [(a + b, known if known is not None else (a + b) / starts
-                 if a + b < 0.95 * starts else 0.0) for a, b, starts, known in rows]
 
     def _blobs(self, sensor: str, rows: NDArray[np.int64]) -> Iterator[tuple[int, bytes]]:
         """For each of the given rows that is valid, yields the row and the blob."""

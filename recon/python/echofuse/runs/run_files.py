@@ -43,10 +43,9 @@ MAX_RESTARTS = 1 << 16  # maximum difference between the stored key and the key 
 SCHEMA = {line.split()[2].split("(")[0]: line for line in resources.files(__package__).joinpath(
     "schema.sql").read_text("utf-8").splitlines()}
 STATISTICS = {f"sqlite_stat{n}" for n in range(1, 5)}  # tables created by ANALYZE in SQLite
-KINDS: dict[str, tuple[str, Any]] = {"INTEGER":
-                                     ("ifnull(CAST({} AS INTEGER), -9223372036854775807 - 1)",
-                                      np.int64), "REAL": ("CAST({} AS REAL)", float),
-                                     "TEXT": ("ifnull(CAST({} AS BLOB), x'')", "S")}
+KINDS: dict[str, tuple[str, Any]] = {
+    "INTEGER": ("ifnull(CAST({} AS INTEGER), -9223372036854775807 - 1)", np.int64),
+    "REAL": ("CAST({} AS REAL)", float), "TEXT": ("ifnull(CAST({} AS BLOB), x'')", "S")}
 
 
 def printable(text: str) -> str:
@@ -290,9 +289,8 @@ def connected(path: pathlib.Path, closed: bool) -> Connection:
     raise ValueError(f"{path}: cannot be read")
 
 
-FAULTS_OF_FILES = tuple(f"SQLITE_{fault}" for fault in
-                        ("CORRUPT", "NOTADB", "IOERR", "CANTOPEN", "BUSY", "LOCKED", "FULL",
-                         "NOMEM", "PROTOCOL"))
+FAULTS_OF_FILES = tuple(f"SQLITE_{fault}" for fault in (
+    "CORRUPT", "NOTADB", "IOERR", "CANTOPEN", "BUSY", "LOCKED", "FULL", "NOMEM", "PROTOCOL"))
 
 
 def query(db: Connection, path: pathlib.Path, sql: str, values: tuple[Any, ...]) -> list[Any]:
@@ -345,12 +343,14 @@ def guard(db: sqlite3.Connection, path: pathlib.Path) -> None:
 
 
 def meta_of(path: pathlib.Path, text: Any) -> dict[str, str]:
+    """Returns the metadata. As in C++, skips a byte order mark, and refuses lone surrogates."""
     try:
-        if isinstance(meta := json.loads(text), dict) and all(
-                isinstance(value, str) for value in meta.values()):
+        meta = json.loads(text.removeprefix("\ufeff"))
+        if isinstance(meta, dict) and all(isinstance(value, str) for value in meta.values()):
+            json.dumps(meta, ensure_ascii=False).encode()
             meta.pop(WAL_KEY, None)
             return meta
-    except (TypeError, ValueError, RecursionError):
+    except (AttributeError, ValueError, RecursionError):
         pass
     raise ValueError(f"{path}: meta is not a JSON object of strings")
 

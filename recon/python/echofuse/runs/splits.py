@@ -49,5 +49,5 @@ def split(run: Run | str | pathlib.Path, kind: str = "random", seed: int = 1, *,
     rows = json.loads(call("echofuse-recon", "-q", "rows", run.path, "--json", "--split", kind,
                            "--seed", seed, "--inputs", inputs, *words).stdout)["records"]
     part_of = {record["record"]: record.get("part") for record in rows}
-    parts = np.array([part_of.get(index) or "" for index in run.index.tolist()])
+    parts = np.array([part_of.get(index) or "" for index in run.index.tolist()], str)
     return Split(*(np.flatnonzero(parts == part) for part in ("train", "validation", "test")))
