@@ -333,7 +333,7 @@ def test_open_accepts_the_tables_of_sqlite_analyze(folder, tmp_path):
 @pytest.mark.parametrize("sql, values, said", [
     ("SELECT idx FROM records", (), "no such table: records"), ("SELECT", (), "incomplete input"),
     ("SELECT idx FROM record WHERE idx = ?", (), "Incorrect number of bindings"), ("SELECT 1; SELECT 2", (), "one statement at a time"),
-    ("CREATE INDEX place ON record(label)", (), "readonly database"), ("SELECT ?", (object(),), "Error binding parameter"),
+    ("ATTACH 'new.sqlite' AS new", (), "too many attached"), ("CREATE INDEX place ON record(label)", (), "readonly database"), ("SELECT ?", (object(),), "Error binding parameter"),
     ("SELECT idx FROM record LIMIT 'a'", (), "datatype mismatch"), ("SELECT zeroblob(3e9)", (), "too big"), ("SELECT ?", (1 << 70,), "too large"),
 ])
 def test_invalid_query_is_not_reported_as_damage(folder, sql, values, said):

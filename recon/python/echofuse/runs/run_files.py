@@ -324,6 +324,7 @@ def guard(db: sqlite3.Connection, path: pathlib.Path) -> None:
     # One step is 10 000 instructions. A valid run needs less than one instruction per byte.
     left = iter(range(200 + path.stat().st_size * 4 // 10_000))
     db.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, min(max(path.stat().st_size, 16 << 20), 128 << 20))
+    db.setlimit(sqlite3.SQLITE_LIMIT_ATTACHED, 0)  # ATTACH would create the file that it names
     db.text_factory = functools.lru_cache(lambda text: text.decode("utf-8", "backslashreplace"))
     db.set_progress_handler(lambda: next(left, None) is None, 10_000)
     db.execute("PRAGMA trusted_schema = OFF")
