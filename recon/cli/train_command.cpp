@@ -12,6 +12,7 @@
 #include "drivers/util/settings.hpp"
 #include "recon/cli/commands.hpp"
 #include "recon/cli/train_settings.hpp"
+#include "recon/data/late_truth.hpp"
 #include "recon/data/response_conversion.hpp"
 #include "recon/metrics/mirrored_camera.hpp"
 #include "recon/predict/empty_room.hpp"
@@ -62,6 +63,8 @@ Dataset load_runs(const Arguments& a) {
   if (a.mirrored == "refuse")
     if (const std::string why = mirrored_camera(data); !why.empty())
       throw Error(ExitCode::failed, why + "; --set mirrored=take uses the maps as they are");
+  if (const std::string text = a.fit.quiet ? "" : late_truth(data); !text.empty())
+    std::fprintf(stderr, "%s\n", text.c_str());
   return data;
 }
 

@@ -6,7 +6,6 @@
 #include <utility>
 
 #include "drivers/util/console.hpp"
-#include "recon/data/late_truth.hpp"
 #include "recon/data/response_conversion.hpp"
 #include "recon/train/crossvalidate.hpp"
 #include "recon/train/fit_uncertainty.hpp"
@@ -153,7 +152,6 @@ Inputs inputs_to_train(const TrainOptions& options) {
 TrainedModel train(const Dataset& data, const TrainOptions& options) {
   const bool loud = !options.fit.quiet;
   const Rows rows = usable_rows(data, options);
-  if (const std::string text = loud ? late_truth(data) : ""; !text.empty()) say(options, text);
   const Split split = make_split(rows, options.split);
   const SceneModel scene = learn_scene(data.depth(), split.train, data.map);
   if (loud) warn_of_split(data, rows, split, scene, options.split);
