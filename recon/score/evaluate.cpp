@@ -13,7 +13,6 @@
 #include "drivers/util/console.hpp"
 #include "drivers/util/exit_code.hpp"
 #include "recon/data/copies.hpp"
-#include "recon/data/late_truth.hpp"
 #include "recon/numbers/parallel.hpp"
 
 namespace echofuse::recon {
@@ -258,7 +257,7 @@ Evaluation evaluate(const TrainedModel& model, const Records& records, const Row
   out.records = rows.size(), out.rows = rows;
   out.antennas = records.antennas, out.response = records.response;
   out.ranges = records.ranges;
-  out.late_truth = late_truth(data);
+  out.truth = faults_of_truth(data);
   out.domain_shift = domain_shift_of(model, data);
   if (!data.sources.empty())
     out.tested =

@@ -81,10 +81,10 @@ struct Evaluation {
   std::map<std::string, std::size_t> doubtful;
   Summaries with_doubtful = {};
   ScoringScene scoring;
-  std::string antennas;    // note about the antennas (Records::antennas)
-  std::string response;    // note about the radar response (Records::response)
-  std::string ranges;      // note about errors not included in the 90 % intervals (Records::ranges)
-  std::string late_truth;  // warning from late_truth(); may be empty
+  std::string antennas;  // note about the antennas (Records::antennas)
+  std::string response;  // note about the radar response (Records::response)
+  std::string ranges;    // note about errors not included in the 90 % intervals (Records::ranges)
+  std::string truth;     // warnings from faults_of_truth(); may be empty
   DomainShift domain_shift;  // result of testing the whole run or its held-out records
   std::string tested;        // prefix of the message from domain_shift: "RUN: "
   Summaries metrics;
@@ -131,6 +131,8 @@ nlohmann::json to_json(const Evaluation& evaluation);
 // the top level, as in the JSON for a single model.
 nlohmann::json to_json(const std::vector<ScoredRow>& rows, const std::vector<ScoredRow>& baselines,
                        std::size_t records, const std::string& note);
+// Returns warnings about depth maps that contradict the sensor data, one per line; may be empty.
+std::string faults_of_truth(const Dataset& data);
 // Returns a warning if nearly all predicted bodies are on the wrong side, otherwise an empty
 // string.
 std::string mirrored_truth(const Summaries& metrics);

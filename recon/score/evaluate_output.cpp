@@ -5,6 +5,8 @@
 
 #include "acquire/measurement/depth_map.hpp"
 #include "drivers/util/format.hpp"
+#include "recon/data/late_truth.hpp"
+#include "recon/metrics/mirrored_camera.hpp"
 #include "recon/score/evaluate.hpp"
 
 namespace echofuse::recon {
@@ -125,6 +127,13 @@ std::string to_text(const std::optional<UncertaintyCalibration>& c) {
                        100 * c->flagged, c->error_m, c->deviation_m);
 }
 
+std::string faults_of_truth(const Dataset& data) {
+  std::string out = late_truth(data);
+  const std::string mirrored = mirrored_camera(data);
+  if (!out.empty() && !mirrored.empty()) out += '\n';
+  return out + mirrored;
+}
+
 std::string mirrored_truth(const Summaries& metrics) {
   constexpr std::size_t min_maps = 10;
   // mirrored_truth() returns a warning if the fraction of bodies predicted on the correct side is
@@ -140,8 +149,8 @@ std::string mirrored_truth(const Summaries& metrics) {
 
 std::string notes(const Evaluation& e) {
   std::string out = e.domain_shift.tested() ? e.tested + e.domain_shift.text() + '\n' : "";
-  for (const std::string& fault : {e.late_truth, mirrored_truth(e.metrics)})
-    if (!fault.empty()) out += fault + '\n';
+  const std::string fault = e.truth.empty() ? mirrored_truth(e.metrics) : e.truth;
+  if (!fault.empty()) out += fault + '\n';
   if (!e.scoring.note.empty()) out += e.scoring.note + '\n';
   if (!e.scoring.scene.has_body()) out += std::string(no_body) + '\n';
   for (const std::string& remark : {e.antennas, e.response, e.ranges, to_text(e.two_people)})

@@ -72,9 +72,11 @@ TEST_CASE("evaluate reports mirrored depth maps and how to correct them") {
   a_run(60, 2).write(dir / "fresh");
   a_run(60, 2, mirror).write(dir / "mirrored");
   const std::string evaluate = "-q evaluate " + made_model("ridge", 200);
-  CHECK_THAT(dir.done(evaluate + " fresh"), !Catch::Contains("predicted side"));
-  CHECK_THAT(dir.done(evaluate + " mirrored"), Catch::Contains("the predicted side is wrong for") &&
+  CHECK_THAT(dir.done(evaluate + " fresh"), !Catch::Contains(" side "));
+  CHECK_THAT(dir.done(evaluate + " mirrored"), Catch::Contains("show bodies on the wrong side") &&
                                                    Catch::Contains("flip the depth maps"));
+  a_run(29, 2, mirror).write(dir / "few");
+  CHECK_THAT(dir.done(evaluate + " few"), Catch::Contains("the predicted side is wrong for"));
 }
 
 TEST_CASE(

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "recon/data/features.hpp"
 #include "recon/method/method.hpp"
+#include "recon/metrics/mirrored_camera.hpp"
 #include "recon/train/fit_uncertainty.hpp"
 #include "world.hpp"
 
@@ -135,6 +136,23 @@ double lateral_error_m(bool by_side) {
 TEST_CASE("the factorised model finds the lateral body position from detector zones alone") {
   CHECK(lateral_error_m(true) < 0.1);
   CHECK(lateral_error_m(false) > 0.3);
+}
+
+TEST_CASE("depth maps that are mirrored or upside down contradict the zones") {
+  Dataset data = plates_in_zones(60, true);
+  const auto found = [&](double x, double y) {
+    photons(data).axis.zones = {{-x, -y, 0.5, 0}, {x, y, 0.5, 0}};
+    return mirrored_camera(data);
+  };
+  CHECK(found(0.3, 0).empty());
+  CHECK_THAT(found(-0.3, 0), Contains("wrong side (correlation with the side of the light in the"));
+  for (std::size_t row = 0; row < data.size(); ++row) {  // left becomes up
+    const auto map = depth_maps(data).row(row);
+    for (std::size_t p = 0; p < map.size(); ++p)
+      if (p / 64 < p % 64) std::swap(map[p], map[64 * (p % 64) + p / 64]);
+  }
+  CHECK(found(0, -0.3).empty());
+  CHECK_THAT(found(0, 0.3), Contains(": the depth maps are upside down"));
 }
 
 TEST_CASE("the fallback model for missing radar data is factorised if the run has zones") {
