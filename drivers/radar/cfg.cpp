@@ -50,6 +50,11 @@ std::string miscounted(const CfgCommand& c, std::size_t expected) {
          std::to_string(expected) + " (SDK 1 and 2 differ)";
 }
 
+// Returns the command of a setting "profileCfg", "profileCfg/2" or "cfarCfg/0#3" (subframe 3).
+std::string_view command_of(std::string_view setting) {
+  return setting.substr(0, setting.find_first_of("/#"));
+}
+
 // Returns the setting in the form of a cfg line: "profileCfg 2", or "cfarCfg -1 1".
 std::string shown(std::string setting) {
   const std::size_t at = setting.find('/');
@@ -247,7 +252,7 @@ void Cfg::check_order(const CfgCommand& c, const DemoCommand& command) {
   }
   if (name == "flushCfg" || name == "dfeDataOutputMode")
     std::erase_if(settings_, [&](const std::string& setting) {
-      const std::string of = setting.substr(0, setting.find('/'));
+      const std::string_view of = command_of(setting);
       return name == "flushCfg" ? demo_command(of)->flushed : of == name;
     });
   if (has("sensorStart") && !command.needed.empty())
@@ -266,7 +271,7 @@ void Cfg::check_start(const CfgCommand& start) {
   for (const std::string& setting : needed_to_start(advanced() ? 3 : 1))
     for (unsigned k = 0; k < subframes; ++k) {
       std::string needed = setting, lacks = shown(setting);
-      if (demo_command(setting.substr(0, setting.find('/')))->per_subframe)
+      if (demo_command(command_of(setting))->per_subframe)
         needed.append("#").append(std::to_string(k));
       if (settings_.contains(needed) || !missing_.insert(setting).second) continue;
       if (settings_.contains(setting)) lacks.append(" for subframe ").append(std::to_string(k));

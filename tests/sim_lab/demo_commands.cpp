@@ -91,7 +91,7 @@ TEST_CASE("the table of radar commands and the simulated firmware refuse the sam
       {"lvdsStreamCfg -1 0 0 0", {"lvdsStreamCfg -1 0 5 0", "lvdsStreamCfg -1 0 1 1"}},
       {"bpmCfg -1 0 0 1", {"bpmCfg -1 2 0 1"}},
       {"calibData 0 0 0", {"calibData 2 0 0", "calibData 1 1 0"}},
-      {"sensorStart", {"myCfg 1\nsensorStart"}},
+      {"sensorStart", {"myCfg 1\nsensorStart", "flushCfg\nsensorStart"}},
       {"adcbufCfg", {"flushCfg\nadcbufCfg", "% adcbufCfg"}},
       {"% SPDX", {"sensorStart\n% SPDX"}}};
   for (const char* needed :
