@@ -138,9 +138,9 @@ std::string Devices::describe(Sensor s) const {
   const Status& device = (*this)[s];
   std::string text = std::string(name_of(s)) + " " + printable(device.info.address) + ": ";
   if (device.holder) return text + "in use by " + printable(device.holder->who);
+  if (!device.refusal.empty() && device.samples == 0) return text + printable(device.refusal, 500);
   if (device.state == DeviceState::streaming && device.samples == 0)
     return text + "answers, but sends no " + (s == Sensor::spd ? "tags" : "frames");
-  if (device.refused && device.samples == 0) return text + printable(device.last_event, 500);
   text += name_of(device.state);
   return device.last_event.empty() ? text : text + ": " + printable(device.last_event, 500);
 }
@@ -196,8 +196,12 @@ void Devices::abandon() {
 }
 
 void Devices::on_event(Sensor sensor, Severity severity, const std::string& text) {
-  if (severity != Severity::info) status(sensor).last_event = text;
-  status(sensor).refused = status(sensor).refused || severity == Severity::error;
+  if (Status& device = status(sensor); severity != Severity::info) {
+    device.last_event = text;
+    // The first warning of a streaming device states why there are no samples, if there are none.
+    const bool first = device.state == DeviceState::streaming && device.refusal.empty();
+    if (severity == Severity::error || first) device.refusal = text;
+  }
   next_->on_event(sensor, severity, text);
 }
 

@@ -33,7 +33,7 @@ class Devices final : private SampleSink {
     DeviceInfo info;
     std::uint64_t samples = 0;
     std::string last_event;
-    bool refused = false;            // true if the driver refuses the device's data
+    std::string refusal{};           // reason why samples are not used
     std::optional<Holder> holder{};  // set if another program uses the device
 
     bool delivers() const { return state == DeviceState::streaming && samples > 0; }

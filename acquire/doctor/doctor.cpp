@@ -75,7 +75,7 @@ std::vector<Finding> findings_of(const Answer& answer, const Capture& capture,
              .advice = "correct the configuration; `devices` lists the ports of each board",
              .failure = ExitCode::config}};
   if (!answer.delivers) {  // answer.text contains the driver's last warning or error
-    const bool answered = answer.status.refused || !answer.status.info.firmware.empty();
+    const bool answered = !answer.status.refusal.empty() || !answer.status.info.firmware.empty();
     return {{check, Grade::problem, answer.text,
              answered ? ""
                       : "check the power, the cable and the address of the device; see `devices`"}};

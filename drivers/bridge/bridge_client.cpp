@@ -118,11 +118,11 @@ void BridgeClient::reject(const Block& block, BlockKind expected, const std::str
   if (!other && reasons_.size() < max_reasons && reasons_.insert(reason).second)
     handlers_.event(Severity::error, "its " + text_of(expected) + " have " + reason);
   if (other && !std::exchange(kind_reported_, true))
-    handlers_.event(Severity::warning,
-                    "this bridge sends " + text_of(block.kind) + ", not " + text_of(expected) +
-                        (block.kind == BlockKind::histogram
-                             ? "; add \"sends\": \"histograms\" to its hello block"
-                             : "; check the port in its address"));
+    handlers_.event(Severity::error, "this bridge sends " + text_of(block.kind) + ", not " +
+                                         text_of(expected) +
+                                         (block.kind == BlockKind::histogram
+                                              ? "; add \"sends\": \"histograms\" to its hello block"
+                                              : "; check the port in its address"));
   ++bad_payloads_;
   lost_blocks_ += block.lost_blocks + 1;
   dropped_items_ += block.dropped_items;
@@ -130,7 +130,7 @@ void BridgeClient::reject(const Block& block, BlockKind expected, const std::str
 
 void BridgeClient::on_hello(const Block& block) {
   const auto hello = read_hello(block.payload);
-  if (!hello) return fail(hello.failure().what);
+  if (!hello) return fail(hello.failure().what, Severity::error);
   if (std::exchange(greeted_, true)) return;
   hello_ = *hello;
   lost_blocks_ += connections_ > 1;
@@ -139,10 +139,10 @@ void BridgeClient::on_hello(const Block& block) {
 }
 
 // Destroys the port. Handlers of the parser and of the port may call this function.
-void BridgeClient::fail(const std::string& why) {
+void BridgeClient::fail(const std::string& why, Severity severity) {
   if (!running_) return;
   port_.reset();
-  if (backoff_.is_news(why)) handlers_.event(Severity::warning, why);
+  if (backoff_.is_news(why)) handlers_.event(severity, why);
   if (!running_) return;
   if (!std::exchange(faulted_, true)) handlers_.state(DeviceState::faulted, hello_);
   if (!running_) return;

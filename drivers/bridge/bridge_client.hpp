@@ -46,7 +46,7 @@ class BridgeClient {
   void on_hello(const Block& block);
   void watch();
   void check_liveness();
-  void fail(const std::string& why);
+  void fail(const std::string& why, Severity severity = Severity::warning);
 
   port::ByteOpener opener_;
   std::string programs_;

@@ -19,13 +19,17 @@ struct BlockHeader {
   std::uint64_t dropped_items;
   std::uint32_t reserved, crc;
 
-  bool plausible() const {
-    return version == protocol_version &&
-           kind <= static_cast<std::uint16_t>(BlockKind::range_profile) &&
-           payload_bytes <= (kind == static_cast<std::uint16_t>(BlockKind::hello)
-                                 ? max_hello_bytes
-                                 : max_payload_bytes) &&
-           dropped_items <= max_dropped_items && reserved == 0;
+  // Returns nullptr if the header is valid.
+  const char* fault() const {
+    const bool hello = kind == static_cast<std::uint16_t>(BlockKind::hello);
+    if (version != protocol_version) return "wrong block header: the protocol version is not 1";
+    if (kind > static_cast<std::uint16_t>(BlockKind::range_profile))
+      return "wrong block header: the block kind is not 0 to 5";
+    if (payload_bytes > (hello ? max_hello_bytes : max_payload_bytes))
+      return "wrong block header: the payload exceeds 16 MiB (hello: 64 KiB)";
+    if (dropped_items > max_dropped_items)
+      return "wrong block header: more than 2^40 dropped items";
+    return reserved == 0 ? nullptr : "wrong block header: the reserved field is not 0";
   }
 };
 
@@ -61,7 +65,7 @@ bool contains_block(ByteView bytes, std::size_t& from) {
     const ByteView rest = bytes.subspan(at);
     const bool whole_header = rest.size() >= header_bytes;
     const BlockHeader header = whole_header ? read_header(rest) : BlockHeader{};
-    if (whole_header && !header.plausible()) continue;
+    if (whole_header && header.fault()) continue;
     if (!whole_header || header_bytes + header.payload_bytes > rest.size())
       next = std::min(next, at - 1);
     else if (has_crc(rest, header))
@@ -115,9 +119,9 @@ Step BlockParser::next(ByteView bytes, const OnBlock& on_block) {
   if (bytes.size() < magic.size()) return {0, bytes.size() + 1};
   if (bytes.size() < header_bytes) return {0, header_bytes};
   const BlockHeader header = read_header(bytes);
-  if (!header.plausible()) {
+  if (const char* fault = header.fault()) {
     ++counts_.bad_headers;
-    return refuse("the block header is damaged or has an unsupported version", bytes, header_bytes);
+    return refuse(fault, bytes, header_bytes);
   }
   const std::size_t size = header_bytes + header.payload_bytes;
   // A valid block inside this one shows that its size is damaged.
@@ -171,7 +175,7 @@ std::uint64_t BlockParser::missing_before(std::uint32_t sequence) {
 }
 
 Result<std::span<const Tag>> read_tags(ByteView payload, std::vector<Tag>& scratch) {
-  if (payload.size() % sizeof(Tag) != 0) return wrong_size(payload);
+  if (payload.size() % sizeof(Tag) != 0) return fault("a size that is not a multiple of 16 bytes");
   const std::size_t count = payload.size() / sizeof(Tag);
   if (reinterpret_cast<std::uintptr_t>(payload.data()) % alignof(Tag) == 0)
     return std::span(reinterpret_cast<const Tag*>(payload.data()), count);

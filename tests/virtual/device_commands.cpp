@@ -6,6 +6,7 @@
 #include "../fixtures/keeper.hpp"
 #include "acquire/calibrate/calibrate.hpp"
 #include "acquire/config/calibration.hpp"
+#include "acquire/devices/device_check.hpp"
 #include "acquire/doctor/doctor.hpp"
 #include "bridged_device.hpp"
 
@@ -301,6 +302,44 @@ TEST_CASE("doctor exits with the code of its first problem, and lists device pro
     b.unplug_radar();
     CHECK(examine(1'000'000'000'000) == ExitCode::device);
   }
+}
+
+TEST_CASE("run, doctor and devices state why the data of a bridge are not used") {
+  struct Row {
+    std::string hello;  // keys in addition to model, serial and firmware
+    sim::BlockKind kind;
+    Bytes payload;
+    const char* reason;
+  };
+  const auto histogram = [](std::uint32_t count, std::uint32_t exposure_us) {
+    return sim::histogram_payload(std::vector<std::uint32_t>(64, count), 64, 0, 5000, 0, 100,
+                                  exposure_us);
+  };
+  const std::string board = R"(,"sends":"histograms")";
+  const auto tags = sim::BlockKind::tags, counts = sim::BlockKind::histogram;
+  const Row row = GENERATE_COPY(
+      Row{"", tags, Bytes(15), "its tags have a size that is not a multiple of 16 bytes"},
+      Row{"", counts, histogram(1, 50'000),
+          "this bridge sends histograms, not tags; add \"sends\""},
+      Row{board, tags, Bytes(16), "this bridge sends tags, not histograms"},
+      Row{board, counts, histogram(1, 0), "its histograms have exposure time 0"},
+      Row{board, counts, histogram(UINT32_MAX, 50'000), "bin 0 contains 4294967295 counts"},
+      Row{R"(,"zones":4)", tags, Bytes(16), "the hello block is not valid: \"zones\""},
+      Row{"", static_cast<sim::BlockKind>(7), {}, "wrong block header: the block kind"});
+  CAPTURE(row.reason);
+  Bench b;
+  BridgedDevice device(b.lab->loop,
+                       R"({"model":"B","serial":"B1","firmware":"1")" + row.hello + "}",
+                       [&](BridgedDevice& bridge) { bridge.send(row.kind, row.payload); });
+  b.lab->loop.ports["bridge:tcp://board:1"] = device.listener.opener();
+  b.lab->set({"radar.cli=", "radar.data=", "depth.address=", "tdc.address=bridge:tcp://board:1"},
+             false);
+  CHECK_THROWS_WITH(b.lab->record(b.run(1)), Catch::Contains(row.reason));
+  for (const std::string& said :
+       {printed_by(b.folder / "said",
+                   [&] { acquire::list_devices(b.lab->config(), b.lab->loop, false); }),
+        printed_by(b.folder / "said", [&] { acquire::examine(b.lab->config(), {}, b.lab->loop); })})
+    CHECK_THAT(said, Catch::Contains(row.reason) && !Catch::Contains("sends no tags"));
 }
 
 TEST_CASE("a simulated histogram shows the scene at the middle of its exposure") {
