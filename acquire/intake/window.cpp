@@ -52,7 +52,8 @@ Windows::FrameNumbers::Order Windows::FrameNumbers::put(std::uint32_t number,
   last_.push_back(frame);
   if (last_.size() > unnumbered_frames) last_.pop_front();
   if (repeated) return Order::repeated;
-  return static_cast<std::int32_t>(number - before) < 0 ? Order::back : Order::next;
+  // A larger step back is a restart of the numbering, or a damaged number.
+  return before - number - 1 < unnumbered_frames ? Order::back : Order::next;
 }
 
 Windows::Windows(const SlotGrid& grid, const tdc::HistogramSettings& tdc,
@@ -253,7 +254,10 @@ record::Verdict Windows::spd_fault(const Slot& slot, HostTime end) const {
   if (!sends_histograms_ && tags.tags == 0) return {VerdictKind::no_tags, {}};
   if (!sends_histograms_ && tags.starts == 0)
     return {VerdictKind::no_starts,
-            "channel " + std::to_string(histogram_->settings().start_channel)};
+            "channel " + std::to_string(histogram_->settings().start_channel) +
+                (tags.bad_tags > 0 ? "; " + std::to_string(tags.bad_tags) +
+                                         " tags have an unknown type or a nonzero reserved byte"
+                                   : "")};
   if (tags.in_range + tags.out_of_range == 0 && tags.without_start > 0) {
     if (overflow_from_)
       return {VerdictKind::in_overflow,

@@ -9,7 +9,7 @@
 //   outside       the sample is from after the last slot of the run
 //   late          its slot is already closed; also counted in the record of that slot
 //   duplicate     a frame with the number and device time of one of the eight previous frames
-//   out_of_order  a frame with a lower number than the previous one; it is used normally
+//   out_of_order  a frame with a number up to eight below the previous one; it is used normally
 // Out-of-order tags are used and counted as `backwards` in the record.
 // A block of tags is split where its times cross a slot border. The border is found by bisection,
 // so an out-of-order tag may stay with its neighbours. A marker stays with the next event of its
