@@ -17,7 +17,7 @@ namespace echofuse::acquire {
 namespace {
 
 constexpr std::uint64_t enough_exposures = 10;
-constexpr double enough_s = 1, overlap = 1.2;
+constexpr double enough_s = 1, overlap = 1.2, shortest_share = 2e-3;
 constexpr std::size_t enough_profiles = 20, enough_maps = 10;
 constexpr double nearest_m = 0.05, farthest_m = 300, min_median_mm = 20;
 constexpr double widest = 3;  // tangent of 71.6 degrees
@@ -93,6 +93,10 @@ void SampleCheck::check_exposures(const HistogramFrame& frame) {
                1e-6 * static_cast<double>(frame.device_time_us - first_->device_time_us));
   if (exposures_ < enough_exposures || passed_s < enough_s) return;
   const double times = 1e-6 * static_cast<double>(exposed_us_) / passed_s;
+  if (times < shortest_share)
+    once("short", Sensor::spd,
+         "exposures add up to only " + digits(times) +
+             " times the time between them; are the exposure times in us?");
   if (times > overlap)
     once("overlap", Sensor::spd,
          "exposures add up to " + digits(std::round(10 * times) / 10) +
@@ -142,15 +146,27 @@ void SampleCheck::take(const DepthFrame& frame) {
 
 void SampleCheck::take(const Axis& axis) {
   const bool spd = axis.name == "spd";
-  const double end_m = axis.at(axis.count) / (spd ? ps_per_m : 1);
-  if ((spd || axis.name == "radar") && (end_m < nearest_m || end_m > farthest_m))
-    once("axis", spd ? Sensor::spd : Sensor::radar,
-         (spd ? "the histogram ends at " : "the range profile ends at ") + digits(end_m) + " m; " +
-             (spd ? "are its bins in ps?" : "is its range step in metres?"));
+  const auto check_end = [&](double zero) {
+    const double end_m = (axis.at(axis.count) - zero) / (spd ? ps_per_m : 1);
+    if (end_m < nearest_m || end_m > farthest_m)
+      once("axis", spd ? Sensor::spd : Sensor::radar,
+           (spd ? "the histogram ends at " : "the range profile ends at ") + digits(end_m) +
+               " m; " +
+               (!spd        ? "is its range step in metres?"
+                : zero == 0 ? "are its bins in ps?"
+                            : "are its bins and zero_ps in ps?"));
+  };
   double tangent = 0;
   if (axis.name.starts_with("depth_")) tangent = std::abs(axis.start);
-  for (const Zone& zone : axis.zones)
+  for (const Zone& zone : axis.zones) {
+    if (spd || axis.name == "radar") check_end(zone.zero_ps);
     if (zone.has_direction()) tangent = std::max({tangent, std::abs(zone.x), std::abs(zone.y)});
+    const auto same = [&](const Zone& z) { return z.x == zone.x && z.y == zone.y; };
+    if (std::ranges::count_if(axis.zones, same) > 1)
+      once("zones", Sensor::spd,
+           "several zones have the direction x = " + digits(zone.x) + ", y = " + digits(zone.y) +
+               "; check the list of zones");
+  }
   if (tangent > widest)
     once("tangent", spd ? Sensor::spd : Sensor::depth,
          "the field of view contains the tangent " + digits(tangent) + ", or " +

@@ -6,7 +6,7 @@
 //              can send, so that the exposure is lost
 //   profile    power in dB; zeros in all bins, which are no profile
 //   depth      depths in other units
-//   axis       ranges or tangents in other units
+//   axis       ranges or tangents in other units; zones of the same direction
 //   clock      the device clock stands still or runs at another rate than the host clock
 #pragma once
 #include <cstdint>

@@ -55,6 +55,8 @@ TEST_CASE("mistakes of a histogramming board are reported once") {
        "exposures add up to 20 times the time between them");
   says(run([](HistogramFrame& f, int) { f.exposure_us = 65'000; }),
        "exposures add up to 1.3 times the time between them");
+  says(run([](HistogramFrame& f, int) { f.exposure_us = 50; }),
+       "exposures add up to only 0.001 times the time between them; are the exposure times in us?");
   says(run([](HistogramFrame& f, int k) {
          f.exposure_us = 5'000'000;
          f.device_time_us = static_cast<std::uint64_t>(5'000'000 * k);
@@ -102,6 +104,7 @@ TEST_CASE("power in dB, ranges in other units and depths in metres are reported 
   events.clear();
   other_axes.take(Axis{"spd", "counts", "ps", 336, 13343, 100, 1});
   other_axes.take(Axis{"depth_x", "tangent", "1", 32, -0.55, 0.034, 1});
+  other_axes.take(Axis{"depth_y", "tangent", "1", 32, 0.55, -0.034, 1});
   CHECK(events.empty());
   other_axes.take(Axis{"depth_x", "tangent", "1", 32, -28.8, 1.8, 1});
   CHECK(events.at(0) ==
@@ -109,6 +112,16 @@ TEST_CASE("power in dB, ranges in other units and depths in metres are reported 
         "the tangents in degrees?");
   other_axes.take(Axis{"spd", "counts", "ps", 336, 13.343, 0.1, 1});
   CHECK(events.at(1) == "the histogram ends at 0.007037 m; are its bins in ps?");
+  Axis zones{"spd", "counts", "ps", 336, 13343, 100, 1};
+  zones.zones = {{-0.1, 0, 0.2, 0}, {0.1, 0, 0.2, 0}, {}, {}};
+  other_axes.take(zones);
+  CHECK(events.size() == 2);
+  zones.zones[1] = {-0.1, 0, 0.2, 90'000};
+  SampleCheck late_zero = check;
+  late_zero.take(zones);
+  CHECK(events.at(2) ==
+        "several zones have the direction x = -0.1, y = 0; check the list of zones");
+  CHECK(events.at(3) == "the histogram ends at -6.454 m; are its bins and zero_ps in ps?");
   events.assign(2, "");
   DepthFrame map;
   map.depth_mm = {0, 0, 0, 2, 3, 3};
