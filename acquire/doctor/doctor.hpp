@@ -67,7 +67,7 @@ class Capture final : public SampleSink {
   void end();
 
   void on_tags(const TagBlock& block) override;
-  void on_histogram(HistogramFrame frame) override { add(frame); }
+  void on_histogram(HistogramFrame frame) override;
   void on_radar(RadarFrame frame) override { add(frame); }
   void on_depth(DepthFrame frame) override { add(std::move(frame)); }
   void on_state(Sensor sensor, DeviceState state, const DeviceInfo& info) override;
@@ -76,6 +76,7 @@ class Capture final : public SampleSink {
   record::FusedRecord record;  // record of the slot, with the same verdicts as in a run
   std::vector<Axis> axes;      // axes of the devices that have answered
   bool sends_histograms = false;
+  double longest_exposure_s = 0;                   // longest exposure time of a histogram
   std::map<std::int32_t, std::uint64_t> channels;  // number of time tags per channel
   PerSensor<std::vector<std::string>> complaints;  // distinct warnings and errors of each sensor
 

@@ -50,7 +50,8 @@ std::string channel_list(const Capture& capture) {
   std::string text;
   for (const auto& [channel, count] : capture.channels)
     text += format("%s%d (%s)", text.empty() ? "" : ", ", channel, rate_text(rate(count)).c_str());
-  return text.empty() ? "no channel has tags" : "channels with tags: " + text;
+  if (!text.empty()) return "channels with tags: " + text;
+  return capture.record.spd_counts.bad_tags > 0 ? "all tags are invalid" : "no channel has tags";
 }
 
 // Adds the click rate of each detector zone to the finding, and a warning for each zone without
@@ -83,7 +84,12 @@ void Capture::on_tags(const TagBlock& block) {
   add(block);
   if (!intake_) return;
   for (const Tag& tag : block.tags)
-    if (tag.type == TagType::time_tag) ++channels[tag.channel];
+    if (tag.is_time_tag()) ++channels[tag.channel];
+}
+
+void Capture::on_histogram(HistogramFrame frame) {
+  longest_exposure_s = std::max(longest_exposure_s, 1e-6 * frame.exposure_us);
+  add(frame);
 }
 
 void Capture::on_state(Sensor, DeviceState state, const DeviceInfo& info) {
@@ -120,7 +126,11 @@ Finding spd_finding(const Capture& capture, const Config& config) {
     mark(out, Grade::problem,
          "no starts on tdc.start_channel = " + std::to_string(config.histogram.start_channel) +
              "; check the laser; " + channel_list(capture));
-  if (clicks == 0 && board)
+  if (clicks == 0 && capture.longest_exposure_s > Capture::slot_s)
+    mark(out, capture.longest_exposure_s > config.window_s ? Grade::problem : Grade::warning,
+         format("doctor reads %.4g s, which is too short for exposures of %.4g s", Capture::slot_s,
+                capture.longest_exposure_s));
+  else if (clicks == 0 && board)
     mark(out, Grade::problem, "no counts, not even dark counts; check the detector");
   else if (clicks == 0)
     mark(out, Grade::problem,

@@ -110,6 +110,9 @@ TEST_CASE(
   const Finding lossy = spd_verdict(pairs(1, 2, 20'000), 5);
   CHECK(lossy.grade == Grade::warning);
   CHECK(fact(lossy, "lost_tags") == 5);
+  std::vector<Tag> invalid = pairs(1, 2, 20'000);
+  for (Tag& tag : invalid) tag.reserved = 1;
+  CHECK(has(spd_verdict(invalid).advice, "all tags are invalid"));
   const Finding no_laser = spd_verdict(pairs(3, 2, 20'000));
   CHECK(no_laser.grade == Grade::problem);
   CHECK(has(no_laser.advice, "no starts on tdc.start_channel = 1"));
@@ -176,6 +179,19 @@ TEST_CASE("doctor reports the count rate of each detector zone and marks zones w
   CHECK(found.grade == Grade::warning);
   CHECK(has(found.advice, "zone 1 has no counts"));
   CHECK(estimate_record_bytes(capture, config) == 4.0 * 6 + 4.0 * 64 + 2.0 * 640 * 480);
+}
+
+TEST_CASE("doctor does not report missing counts if the exposures are longer than its slot") {
+  const Config config = lab();
+  const Finding found = spd_finding(
+      captured(
+          config, device_of(Sensor::spd, {{"spd", "counts", "ps", 2, 0, 100}}),
+          [](Capture& c) {
+            c.on_histogram({.received = doctor_middle, .exposure_us = 2'500'000, .counts = {1, 3}});
+          }),
+      config);
+  CHECK(found.grade == Grade::warning);
+  CHECK(found.advice == "doctor reads 2 s, which is too short for exposures of 2.5 s");
 }
 
 TEST_CASE("the doctor command reports each device warning once and ignores information messages") {
