@@ -202,13 +202,16 @@ class Fit {
     return sum;
   }
 
-  // Clock steps per number between neighbouring entries, s, in increasing order.
+  // Clock steps per number between entries at which the clock has advanced, s, in increasing
+  // order.
   std::vector<double> found_periods(bool of_members) const {
     std::vector<double> out;
-    for (std::size_t i = 1; i < entries_.size(); ++i) {
-      const Entry &a = entries_[i - 1], &b = entries_[i];
-      if (!b.clock_stopped && steps(a, b) - 1 < usual() &&
-          (!of_members || (a.member && b.member && b.previous == i - 1)))
+    for (std::size_t i = 1, last = 0; i < entries_.size(); ++i) {
+      if (entries_[i].clock_stopped) continue;
+      const std::size_t before = std::exchange(last, i);
+      const Entry &a = entries_[before], &b = entries_[i];
+      if (steps(a, b) - 1 < usual() &&
+          (!of_members || (a.member && b.member && b.previous == before)))
         out.push_back(tick_s * (b.header.cycles - a.header.cycles) / steps(a, b));
     }
     std::ranges::sort(out);

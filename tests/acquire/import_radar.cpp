@@ -119,7 +119,9 @@ TEST_CASE(
       if (last - first < 10 || !similar)
         check(damaged, even, std::to_string(last - first + 1) + " frames have impossible times");
     }
-  RadarFile half, twice, block, middle, slow, blank;
+  RadarFile half, twice, block, middle, slow, blank, pairs;
+  for (std::uint32_t n = 1; n <= 60; ++n) pairs.frame(n, (n - n % 2) * 0.0499);
+  check(pairs, even, "the board's clock stands still in 29 frames (frame 3, frame 5");
   for (std::uint32_t n = 1; n <= 60; ++n) half.frame(n, std::min(n, 30u) * 0.0499);
   check(half, even, "the board's clock stands still in 30 frames (frame 31, frame 32");
   for (std::uint32_t n = 1; n <= 60; ++n) middle.frame(n, (n > 20 && n < 40 ? 20 : n) * 0.0499);
