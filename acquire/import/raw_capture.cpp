@@ -88,18 +88,20 @@ class CapturedPort {
     return line;
   }
   Bytes read(std::int64_t count) {
-    if (!file_) file_.emplace(stem_ + format("-%03d", ++files_) + ending_, ExitCode::failed);
+    if (!file_) name_ = stem_ + format("-%03d", ++files_) + ending_;
+    if (!file_) file_.emplace(name_, ExitCode::failed);
     Bytes out(count > 0 && count <= max_bytes ? static_cast<std::size_t>(count) : 0);
     if (out.empty() || file_->read(out) != out.size())
       throw Error(ExitCode::failed, printable(times_.path()) + ": lists more bytes than " +
-                                        std::to_string(files_) + " files contain");
+                                        printable(fs::path(name_).filename().string()) +
+                                        " contains; one of the files is truncated or damaged");
     return out;
   }
   port::Loop& loop;
 
  private:
   TimesFile times_;
-  std::string stem_, ending_;
+  std::string stem_, ending_, name_;
   std::deque<TimesFile::Line> lines_;  // lines that have not been replayed
   bool accepted_ = false;
   // File with the bytes of the connection; opened by the first read.

@@ -148,7 +148,8 @@ TEST_CASE("a raw capture that has no slot, has missing bytes or has damaged time
   // An empty text deletes the file.
   const auto [name, text, why] = GENERATE(table<std::string, std::string, const char*>(
       {{"tags.times", "1000000000 open 0\n1000000000 bytes 99999999999\n",
-        "tags.times: lists more bytes than 1 files contain"},
+        "tags.times: lists more bytes than tags-001.blocks contains; one of the files is "
+        "truncated"},
        {"tags.times", "1000000000 open\n",
         "tags.times: expected TIME WHAT VALUE, found \"1000000000 open\""},
        {"radar.times", "", "contains only one of radar.times and radar-cli.times"},
