@@ -35,7 +35,8 @@ class WordReader {
       line_text_ += text_.substr(at_, end - at_);
       at_ = end + 1;
       while (line_text_.ends_with('\r')) line_text_.pop_back();
-      goes_on = line_text_.ends_with('\\');
+      // A comment may end with a Windows path such as C:\meshes\, which continues nothing.
+      goes_on = line_text_.ends_with('\\') && line_text_.find('#') == line_text_.npos;
       if (goes_on) line_text_.back() = ' ';
     }
     rest_ = std::string_view(line_text_).substr(0, line_text_.find('#'));

@@ -212,6 +212,7 @@ TEST_CASE("a byte order mark and continued lines are read in meshes") {
   const Mesh mesh = read_mesh("\xef\xbb\xbf" + corners + "f 1 2 \\\r\n 3 4\n", "a.mesh");
   CHECK(mesh.points.size() == 4);
   CHECK(mesh.triangles.size() == 2);
+  CHECK(read_mesh("# C:\\meshes\\\n" + corners + "f 1 2 3 4\n", "a.mesh").points.size() == 4);
   CHECK_THAT(refusal(corners + "f 1 \\\n 2 \\\n 3\nf 1 2 9\n"), Catch::Contains("a.mesh:8: "));
 }
 
