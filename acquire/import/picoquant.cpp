@@ -112,12 +112,13 @@ bool PicoquantRecords::put(std::int32_t channel, std::uint64_t unit, std::uint64
 PicoquantTags::PicoquantTags(const std::string& path, const tdc::HistogramSettings& use)
     : file_(path),
       records_([&] {
+        const auto type =
+            static_cast<std::uint32_t>(file_.whole("TTResultFormat_TTTRRecType", 0, all));
+        const double resolution_s = file_.require("MeasDesc_GlobalResolution");
         try {
-          return PicoquantRecords(
-              static_cast<std::uint32_t>(file_.whole("TTResultFormat_TTTRRecType", 0, all)),
-              file_.require("MeasDesc_GlobalResolution"),
-              file_.number("MeasDesc_Resolution").value_or(0),
-              file_.number("MeasDesc_Offset").value_or(0));
+          return PicoquantRecords(type, resolution_s,
+                                  file_.number("MeasDesc_Resolution").value_or(0),
+                                  file_.number("MeasDesc_Offset").value_or(0));
         } catch (const Error& e) {
           throw Error(e.code(), printable(path) + ": " + e.what());
         }
