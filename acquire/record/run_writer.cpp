@@ -100,6 +100,7 @@ RunWriter::RunWriter(const std::string& path, const RunInfo& info, const Clock& 
   } catch (...) {
     handle_.reset();
     if (ours) ::unlink(path.c_str()), remove_side_files(path);  // the file has no records yet
+    lock_->remove();
     throw;
   }
 }
@@ -378,6 +379,7 @@ void RunWriter::leave(const std::string& status) {
   handle_.reset();
   db_ = nullptr;
   if (kept.whole && !watch_->same_database()) watch_->remove_wal();
+  if (moved) lock_->remove();
   lock_.reset();
   throw Error(ExitCode::disk, path_ + ": " + harm_ + "; " + kept.text);
 }
