@@ -63,8 +63,8 @@ def score(function: Callable[..., Scores]) -> Callable[[ArrayLike, ArrayLike, Sc
     ground-truth maps and the scene differ."""
     @functools.wraps(function)
     def checked(maps: ArrayLike, truth: ArrayLike, scene: Scene) -> Scores:
-        true = scene.pixels(truth, "truth")
-        return function(scene.pixels(maps, "maps", len(true)), true, scene)
+        true = scene._pixels(truth, "truth")
+        return function(scene._pixels(maps, "maps", len(true)), true, scene)
     return checked
 
 
@@ -108,8 +108,8 @@ class Scene:
         mean = float(np.float32(table[mask].mean(dtype=float)))
         return cls(background, mean, half_tangent, far_m)
 
-    def pixels(self, maps: ArrayLike, name: str = "maps",
-               count: int | None = None) -> NDArray[np.float32]:
+    def _pixels(self, maps: ArrayLike, name: str = "maps",
+                count: int | None = None) -> NDArray[np.float32]:
         """Returns maps [count, N, N], in which NaN and masked pixels are replaced with 0. Raises
         ValueError if their number or their size differs from `count` or the scene."""
         table = pixels(maps, name)
@@ -123,14 +123,14 @@ class Scene:
         """Returns the foreground mask [n, N, N] of ground-truth maps. A return belongs to the
         foreground if it is more than 0.1 m from the background, or if its pixel has no
         background."""
-        z, b = self.pixels(truth), self.background_m
+        z, b = self._pixels(truth), self.background_m
         return (self.foreground_m > 0) & (z > 0) & ((b <= 0) | (abs(z - b) > np.float32(STEP_M)))
 
     def holds_returns(self, maps: ArrayLike) -> NDArray[np.bool_]:
         """For each map [n], returns whether its values are depths of returns, i.e. whether at most
         10 % of the values in pixels without background are below foreground_m / 8. In these pixels,
         maps predicted by a regression contain many values near 0."""
-        z = self.pixels(maps)
+        z = self._pixels(maps)
         open_ = (self.background_m <= 0) & (z > 0)
         nearer = open_ & (z < np.float32(NEAREST) * np.float32(self.foreground_m))
         return np.asarray(nearer.sum((1, 2)) <= NEARER * open_.sum((1, 2)))
@@ -150,7 +150,7 @@ class Scene:
 
     def clipped(self, maps: ArrayLike) -> NDArray[np.float32]:
         """Clips the depths of maps [n, N, N] to the interval from 0 to far_m."""
-        return self.pixels(maps).clip(0, np.float32(self.far_m))
+        return self._pixels(maps).clip(0, np.float32(self.far_m))
 
 
 @score
