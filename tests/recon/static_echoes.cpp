@@ -13,6 +13,7 @@ namespace {
 
 struct Room {
   double wall_m = 5.3, radar_error_m = 0, spd_error_m = 0, light = 1, cupboard = 0;
+  double late_error_m = 0;  // additional range error of the radar in the last fifth of the records
 };
 
 // A room with a wall, a floor echo and a body that moves. Both sensors see them.
@@ -48,7 +49,8 @@ Dataset records_of(const Room& room, std::size_t count, std::uint64_t seed) {
       counts.push_back(static_cast<float>(clicks(rng)));
     }
     for (std::size_t k = 0; k < 29; ++k) {
-      const double r = 0.25 * static_cast<double>(k) - room.radar_error_m;
+      const double error_m = room.radar_error_m + (5 * i < 4 * count ? 0 : room.late_error_m);
+      const double r = 0.25 * static_cast<double>(k) - error_m;
       const double walls = room.wall_m > 0
                                ? 4 * echo(r, room.wall_m) + 3 * echo(r, room.wall_m + 0.8) +
                                      room.cupboard * echo(r, room.wall_m - 0.3)
@@ -92,6 +94,13 @@ TEST_CASE("static echoes show a range error of one sensor but no other change") 
     CHECK_FALSE(difference({.light = 2}, 100, seed)->found());
     CHECK_FALSE(difference({.radar_error_m = 0.03, .spd_error_m = 0.03}, 100, seed)->found());
   }
+}
+
+TEST_CASE("a range difference that changes during the run has a large standard error") {
+  const auto steady = difference({}), changed = difference({.late_error_m = 0.05});
+  REQUIRE((steady && changed));
+  CHECK(changed->standard_error_m == Approx(0.05 / 5).margin(0.002));
+  CHECK(changed->standard_error_m > 5 * steady->standard_error_m);
 }
 
 TEST_CASE("a range error is not stated without the static echoes of the training") {

@@ -51,6 +51,34 @@ TEST_CASE("a weighted linear fit recovers known coefficients and ignores records
   for (std::size_t c = 0; c < truth.size(); ++c) CHECK(found[c] == Approx(truth[c]).margin(1e-3));
 }
 
+TEST_CASE("the lateral interval grows with the errors of records like it, and of wider responses") {
+  Rng rng = make_rng(2, 2);
+  std::uniform_real_distribution<float> uniform;
+  std::normal_distribution<double> normal;
+  Matrix predictors(0, 2);
+  std::vector<double> error_m, of_wider;
+  for (int i = 0; i < 2000; ++i) {
+    const std::vector<float> row{uniform(rng), uniform(rng)};
+    predictors.add_row(row);
+    error_m.push_back(std::abs(normal(rng)) * 0.02 * std::exp(double{row[0]}));
+    of_wider.push_back(3 * error_m.back());
+  }
+  LateralError interval_m;
+  CHECK(std::isnan(interval_m(predictors.row(0))));
+  interval_m.add_converted(2, predictors, of_wider);  // nothing has been learnt yet
+  CHECK(std::isnan(interval_m(predictors.row(0), 2)));
+  interval_m.fit(predictors, error_m, predictors.rows);
+  interval_m.add_converted(2, predictors, of_wider);
+  constexpr double quantile = 1.645;  // of the absolute value of a normal variable
+  for (const float x : {0.1f, 0.5f, 0.9f}) {
+    const std::vector<float> at{x, 0.5f};
+    const double expected_m = quantile * 0.02 * std::exp(double{x});
+    CHECK(interval_m(at) == Approx(expected_m).epsilon(0.15));
+    CHECK(interval_m(at, 1.5) == Approx(2 * interval_m(at)).epsilon(0.02));
+    CHECK(interval_m(at, 2) == Approx(3 * interval_m(at)).epsilon(0.02));
+  }
+}
+
 TEST_CASE(
     "the 90 % interval of the lateral position contains 90 % of bodies and widens with noise") {
   const Dataset clean = load_plates(400, 2);
