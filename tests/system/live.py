@@ -412,7 +412,7 @@ class Live(Case):
 
     def test_status_line_does_not_wrap_in_a_narrow_terminal(self):
         records, terminal = round(8 / WINDOW_S), Terminal(300)
-        daemon = self.record("--duration", "8s", "--set", "run.label=" + "person " * 20, env=self.environment(TERM="xterm"), stderr=terminal.slave)
+        daemon = self.record("--duration", "0.1m2s", "--set", "run.label=" + "person " * 20, env=self.environment(TERM="xterm"), stderr=terminal.slave)
         drawn = {}
         for columns in 300, 80, 40:
             terminal.resize(columns)
