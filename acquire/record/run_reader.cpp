@@ -202,7 +202,8 @@ RunReader::Layout& RunReader::layout() const {
 
 std::shared_ptr<const RunHead> RunReader::head() const {
   auto& head = layout().head;
-  if (!head) head = std::make_shared<RunHead>(path_, info(), axes(), antennas(), calibrations());
+  if (!head)
+    head = std::make_shared<RunHead>(RunHead{path_, info(), axes(), antennas(), calibrations()});
   return head;
 }
 
