@@ -202,7 +202,10 @@ void TagCheck::sort() {
 
 void TagCheck::take_marker(const Tag& tag, HostTime received) {
   last_start_ps_.reset();
-  if (tag.reserved != 0) return;
+  if (tag.reserved != 0 || tag.type > TagType::missed_events) {
+    ++invalid_;
+    return;
+  }
   if (tag.type == TagType::overflow_end || tag.type == TagType::error) overflow_from_.reset();
   if (tag.type == TagType::overflow_begin || (overflow_from_ && tag.type == TagType::missed_events))
     overflow_from_ = received, overflow_reported_ = false;
@@ -232,6 +235,10 @@ void TagCheck::check_tag(const Tag& tag, HostTime received) {
 void TagCheck::check_second(HostTime received) {
   if (live_) check_clock(received);
   check_overflow(received);
+  if (invalid_ > 0)
+    found(invalid, std::exchange(invalid_, 0),
+          "tags with an unknown type or a nonzero reserved byte, which are ignored; check the "
+          "program that sends them");
   if (wrapped_ > 0)
     found(wrap, std::exchange(wrapped_, 0),
           format("wrap-arounds of the tagger's time at 2^%u ps; times in the run continue without "

@@ -8,6 +8,7 @@
 //   back         times go back for another reason
 //   clock        the device clock runs at another rate than the host clock
 //   overflow     an overflow does not end within 3 s
+//   invalid      tags have an unknown type or a nonzero reserved byte
 //   missing      gaps between starts are several laser periods long, but starts are not filtered
 //   doubled      a start is followed by a second start within its period
 //   period       the laser period changes
@@ -57,6 +58,7 @@ class TagCheck {
     back,
     clock,
     overflow,
+    invalid,
     missing,
     doubled,
     period,
@@ -103,7 +105,7 @@ class TagCheck {
   std::optional<std::uint64_t> last_ps_;  // last time as sent by the device, without repair
   std::uint64_t highest_ps_ = 0, offset_ps_ = 0;
   // Counts of the faults in the current second.
-  std::uint64_t wrapped_ = 0, stepped_back_ = 0, sorted_ = 0, farthest_back_ps_ = 0;
+  std::uint64_t wrapped_ = 0, stepped_back_ = 0, sorted_ = 0, invalid_ = 0, farthest_back_ps_ = 0;
   unsigned wrap_bits_ = 0;
   ClockRate clock_{1e-12};
   std::optional<HostTime> second_from_, overflow_from_;

@@ -95,6 +95,15 @@ TEST_CASE("backward steps in tag times are counted") {
              Catch::Contains("1 backward steps of the tagger's time by up to 3 s"));
 }
 
+TEST_CASE("tags of an unknown type cause an event and are ignored") {
+  const Outcome run = run_of({.pulse = [](auto& out, std::int64_t i, std::int64_t at) {
+    if (i == 16'000) out.push_back(tag(2, at, static_cast<TagType>(9)));
+    ordinary(out, i, at);
+  }});
+  CHECK(run.reported("1 tags with an unknown type or a nonzero reserved byte"));
+  CHECK(run.records.at(4).has(Sensor::spd));
+}
+
 TEST_CASE("a tagger clock that drifts from the host clock is reported") {
   const auto [divisor, text] = GENERATE(table<std::int64_t, const char*>(
       {{1000, "1/1000 of the rate of the host clock"}, {2, "1/2 of"}}));
