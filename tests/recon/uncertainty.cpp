@@ -69,7 +69,7 @@ TEST_CASE("the lateral interval grows with the errors of records like it, and of
   CHECK(std::isnan(interval_m(predictors.row(0), 2)));
   interval_m.fit(predictors, error_m, predictors.rows);
   interval_m.add_converted(2, predictors, of_wider);
-  constexpr double quantile = 1.645;  // of the absolute value of a normal variable
+  constexpr double quantile = 1.645;  // 90 % quantile of the absolute value of a normal variable
   for (const float x : {0.1f, 0.5f, 0.9f}) {
     const std::vector<float> at{x, 0.5f};
     const double expected_m = quantile * 0.02 * std::exp(double{x});
