@@ -183,6 +183,7 @@ void Devices::on_state(Sensor sensor, DeviceState state, const DeviceInfo& info)
   if (sensor == Sensor::spd && state == DeviceState::ended) tags_.flush(take_tags_);
   Status& device = status(sensor);
   device.state = state;
+  if (!device.refused) device.refusal.clear();
   if (state == DeviceState::streaming) warn_of_another(sensor, info);
   if (state == DeviceState::streaming || !info.firmware.empty()) device.info = info;
   next_->on_state(sensor, state, info);
@@ -201,6 +202,7 @@ void Devices::on_event(Sensor sensor, Severity severity, const std::string& text
     // The first warning of a streaming device states why there are no samples, if there are none.
     const bool first = device.state == DeviceState::streaming && device.refusal.empty();
     if (severity == Severity::error || first) device.refusal = text;
+    device.refused |= severity == Severity::error;
   }
   next_->on_event(sensor, severity, text);
 }

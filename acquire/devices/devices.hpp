@@ -33,7 +33,9 @@ class Devices final : private SampleSink {
     DeviceInfo info;
     std::uint64_t samples = 0;
     std::string last_event;
-    std::string refusal{};           // reason why samples are not used
+    // Reason why samples are not used: the last error, or else the first warning since streaming.
+    std::string refusal{};
+    bool refused = false;            // true if `refusal` is an error
     std::optional<Holder> holder{};  // set if another program uses the device
 
     bool delivers() const { return state == DeviceState::streaming && samples > 0; }
