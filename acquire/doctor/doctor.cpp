@@ -84,7 +84,9 @@ std::vector<Finding> findings_of(const Answer& answer, const Capture& capture,
   std::vector<Finding> out{finders[answer.sensor](capture, config)};
   const record::SensorSync& sync = capture.record.sync[answer.sensor];
   if (out[0].grade == Grade::ok && sync.doubtful()) {
-    out[0].grade = capture.record.has(answer.sensor) ? Grade::warning : Grade::problem;
+    const bool as_in_run = config.window_s <= Capture::slot_s;  // longer slots contain more
+    out[0].grade =
+        as_in_run && !capture.record.has(answer.sensor) ? Grade::problem : Grade::warning;
     out[0].advice = sync.text();
   }
   for (const auto& complaint : capture.complaints[answer.sensor])
