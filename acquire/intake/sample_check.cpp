@@ -84,25 +84,29 @@ void SampleCheck::check_exposures(const HistogramFrame& frame) {
          "exposures of " + digits(exposure_s) + " s do not fit slots of " + digits(window_s_) +
              " s; use shorter exposures or longer slots (run.window_s)");
   if (!first_ || frame.device_time_us < first_->device_time_us) {
-    first_ = {frame.received, frame.device_time_us}, exposures_ = exposed_us_ = 0;
+    first_ = {frame.received, last_us_ = frame.device_time_us};
+    exposures_ = exposed_us_ = brief_ = 0;
     return;
   }
+  const auto step_us = static_cast<double>(frame.device_time_us - last_us_);
+  last_us_ = frame.device_time_us;
+  brief_ += frame.exposure_us < shortest_share * step_us;
   ++exposures_, exposed_us_ += frame.exposure_us;
   const double passed_s =
       std::max(seconds(frame.received - first_->received),
                1e-6 * static_cast<double>(frame.device_time_us - first_->device_time_us));
   if (exposures_ < enough_exposures || passed_s < enough_s) return;
   const double times = 1e-6 * static_cast<double>(exposed_us_) / passed_s;
-  if (times < shortest_share)
+  if (2 * brief_ > exposures_)
     once("short", Sensor::spd,
-         "exposures add up to only " + digits(times) +
-             " times the time between them; are the exposure times in us?");
+         "most exposures are shorter than 0.2 % of the time between their ends; are the exposure "
+         "times in us?");
   if (times > overlap)
     once("overlap", Sensor::spd,
          "exposures add up to " + digits(std::round(10 * times) / 10) +
              " times the time between them: are they sliding windows, or is the histogram not "
              "cleared?");
-  first_ = {frame.received, frame.device_time_us}, exposures_ = exposed_us_ = 0;
+  first_ = {frame.received, frame.device_time_us}, exposures_ = exposed_us_ = brief_ = 0;
 }
 
 void SampleCheck::take(RadarFrame& frame) {

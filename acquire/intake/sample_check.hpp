@@ -55,7 +55,7 @@ class SampleCheck {
     std::uint64_t device_time_us;
   };
   std::optional<ExposureEnd> first_;
-  std::uint64_t lost_ = 0, rises_ = 0, exposures_ = 0, exposed_us_ = 0;
+  std::uint64_t lost_ = 0, rises_ = 0, exposures_ = 0, exposed_us_ = 0, brief_ = 0, last_us_ = 0;
   std::size_t profiles_ = 0, like_db_ = 0, maps_ = 0;
   std::set<std::pair<std::string_view, Sensor>> reported_;
   // Histograms and depth images have device times in us, profiles in cycles of 32 bits.
