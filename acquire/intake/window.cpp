@@ -53,7 +53,8 @@ Windows::FrameNumbers::Order Windows::FrameNumbers::put(std::uint32_t number,
   if (last_.size() > unnumbered_frames) last_.pop_front();
   if (repeated) return Order::repeated;
   // A larger step back is a restart of the numbering, or a damaged number.
-  return before - number - 1 < unnumbered_frames ? Order::back : Order::next;
+  constexpr std::uint32_t farthest_back = 8;
+  return before - number - 1 < farthest_back ? Order::back : Order::next;
 }
 
 Windows::Windows(const SlotGrid& grid, const tdc::HistogramSettings& tdc,
