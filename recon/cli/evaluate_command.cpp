@@ -218,11 +218,11 @@ ExitCode evaluate_models(const Arguments& a, const Common& common) {
 
 // Returns warnings about ground-truth depth maps that contradict the sensor data.
 std::vector<std::string> notes_on_truth(const Dataset& data, const std::vector<ScoredRow>& scored) {
-  if (std::string faults = faults_of_truth(data); !faults.empty()) return {std::move(faults)};
-  std::vector<std::string> out;
+  std::vector<std::string> out{faults_of_truth(data)};
   for (const ScoredRow& row : scored)
     if (const std::string line = mirrored_truth(row.metrics); !line.empty())
       out.push_back(row.name + ": " + line);
+  std::erase(out, "");
   return out;
 }
 

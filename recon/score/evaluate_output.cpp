@@ -149,8 +149,8 @@ std::string mirrored_truth(const Summaries& metrics) {
 
 std::string notes(const Evaluation& e) {
   std::string out = e.domain_shift.tested() ? e.tested + e.domain_shift.text() + '\n' : "";
-  const std::string fault = e.truth.empty() ? mirrored_truth(e.metrics) : e.truth;
-  if (!fault.empty()) out += fault + '\n';
+  for (const std::string& fault : {e.truth, mirrored_truth(e.metrics)})
+    if (!fault.empty()) out += fault + '\n';
   if (!e.scoring.note.empty()) out += e.scoring.note + '\n';
   if (!e.scoring.scene.has_body()) out += std::string(no_body) + '\n';
   for (const std::string& remark : {e.antennas, e.response, e.ranges, to_text(e.two_people)})
