@@ -69,7 +69,8 @@ def listed(name: str, values: Any) -> list[Any]:
     if (isinstance(values, (str, bytes, Set, Mapping)) or not hasattr(values, "__iter__")
             or getattr(values, "ndim", 1) == 0):
         raise refused(name, values, "a sequence")
-    return list(getattr(values, "values", values))  # of pandas and xarray
+    inner = getattr(values, "values", values)  # of pandas and xarray; a method of torch tensors
+    return list(values if callable(inner) else inner)
 
 
 def entries(name: str, values: Any) -> list[tuple[Any, Any]]:
@@ -89,15 +90,15 @@ def rows_of(count: int, rows: Any) -> NDArray[np.int64]:
     if a row is outside this range, or masked."""
     if ma.is_masked(rows):
         raise ArgumentError("expected rows that are not masked")
-    selected: slice | NDArray[Any] = rows if isinstance(rows, slice) else np.asarray(rows)
-    if isinstance(selected, np.ndarray) and not selected.size:
-        selected = selected.astype(int)  # NumPy converts an empty list to floats
-    if isinstance(selected, np.ndarray) and selected.ndim != 1:
-        raise ArgumentError("expected a slice, a mask or a list of rows, not an array of "
-                        f"{selected.ndim} dimensions")
     try:
+        selected: slice | NDArray[Any] = rows if isinstance(rows, slice) else np.asarray(rows)
+        if isinstance(selected, np.ndarray) and not selected.size:
+            selected = selected.astype(int)  # NumPy converts an empty list to floats
+        if isinstance(selected, np.ndarray) and selected.ndim != 1:
+            raise ArgumentError("expected a slice, a mask or a list of rows, not an array of "
+                                f"{selected.ndim} dimensions")
         return np.asarray(np.arange(count)[selected])
-    except IndexError as error:
+    except (IndexError, ValueError) as error:
         raise ArgumentError(str(error)) from None
 
 

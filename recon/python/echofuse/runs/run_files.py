@@ -255,7 +255,7 @@ def connected(path: pathlib.Path, closed: bool) -> Connection:
             if error.sqlite_errorcode & 255 not in (sqlite3.SQLITE_READONLY,
                                                     sqlite3.SQLITE_CANTOPEN):
                 raise ValueError(f"{path}: is a model; expected a run file" if is_model(path)
-                                 else f"{path}: damaged: {error}" if error.sqlite_errorcode
+                                 else f"{path}: damaged: {error}" if error.sqlite_errorcode & 255
                                  == sqlite3.SQLITE_CORRUPT else
                                  f"{path}: not an echofuse run file: {error}") from None
             for suffix in ("-wal", "-journal"):
@@ -346,6 +346,7 @@ def guard(db: sqlite3.Connection, path: pathlib.Path) -> None:
 def meta_of(path: pathlib.Path, text: Any) -> dict[str, str]:
     """Returns the metadata. As in C++, skips a byte order mark, and refuses lone surrogates."""
     try:
+        text = text.decode() if isinstance(text, bytes) else text
         meta = json.loads(text.removeprefix("\ufeff"))
         if isinstance(meta, dict) and all(isinstance(value, str) for value in meta.values()):
             json.dumps(meta, ensure_ascii=False).encode()
