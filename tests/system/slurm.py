@@ -178,6 +178,8 @@ class Resubmitted(unittest.TestCase):
                                    env={**os.environ, "PATH": f"{folder}:{os.environ['PATH']}", **environment})
             submitted = pathlib.Path(folder, "submitted").read_text().splitlines()
             self.assertEqual(sum("--array=1-4" in line for line in submitted), 4, submitted)
+            merge = f"--dependency=afterok:7 {scripts / 'study.sbatch'} merge base"
+            self.assertEqual(submitted.count(merge), 2, submitted)
 
     def test_slurm_task_writes_only_its_part_of_the_data_set(self):
         with tempfile.TemporaryDirectory() as folder:
@@ -186,6 +188,7 @@ class Resubmitted(unittest.TestCase):
             self.assertEqual(fixtures.query(f"{folder}/part-3.sqlite", "SELECT idx FROM record ORDER BY idx"), [(4,), (5,)])
             said = self.task(folder, "study.sbatch", "8", "echo", "a study").stdout
             self.assertEqual(said, "a study --part 3/8\n")
+            self.assertEqual(self.task(folder, "study.sbatch", "merge", "echo", "a study").stdout, "a study\n")
 
     def test_slurm_task_with_an_invalid_part_number_leaves_no_file(self):
         with tempfile.TemporaryDirectory() as folder:
