@@ -304,6 +304,19 @@ TEST_CASE("doctor exits with the code of its first problem, and lists device pro
   }
 }
 
+TEST_CASE("a closed connection is no reason why a reconnected bridge sends no tags") {
+  Bench b;
+  bool left = false;
+  BridgedDevice device(b.lab->loop, R"({"model":"B","serial":"B1","firmware":"1"})",
+                       [&](BridgedDevice& bridge) {
+                         if (!std::exchange(left, true)) bridge.send(sim::BlockKind::bye, {});
+                       });
+  b.lab->loop.ports["bridge:tcp://board:1"] = device.listener.opener();
+  b.lab->set({"radar.cli=", "radar.data=", "depth.address=", "tdc.address=bridge:tcp://board:1"},
+             false);
+  CHECK_THROWS_WITH(b.lab->record(b.run(1)), Catch::Contains("answers, but sends no tags"));
+}
+
 TEST_CASE("run, doctor and devices state why the data of a bridge are not used") {
   struct Row {
     std::string hello;  // keys in addition to model, serial and firmware
