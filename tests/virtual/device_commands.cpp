@@ -304,7 +304,7 @@ TEST_CASE("doctor exits with the code of its first problem, and lists device pro
   }
 }
 
-TEST_CASE("a closed connection is no reason why a reconnected bridge sends no tags") {
+TEST_CASE("a reconnected bridge that sends no tags is not described by its closed connection") {
   Bench b;
   bool left = false;
   BridgedDevice device(b.lab->loop, R"({"model":"B","serial":"B1","firmware":"1"})",
