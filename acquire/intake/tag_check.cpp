@@ -202,7 +202,7 @@ void TagCheck::sort() {
 
 void TagCheck::take_marker(const Tag& tag, HostTime received) {
   last_start_ps_.reset();
-  if (tag.reserved != 0 || tag.type > TagType::missed_events) {
+  if (!tag.is_valid()) {
     ++invalid_;
     return;
   }

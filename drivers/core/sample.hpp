@@ -34,6 +34,8 @@ struct Tag {
   std::int32_t channel = 0;  // n for a rising edge on input n, -n for a falling edge
   std::int64_t time_ps = 0;  // wraps at 2^63 ps
 
+  // Returns true if the type is known and the reserved byte is 0.
+  bool is_valid() const { return type <= TagType::missed_events && reserved == 0; }
   // Returns true if the record is a valid time tag. In all other records, `time_ps` may have any
   // value.
   bool is_time_tag() const { return type == TagType::time_tag && reserved == 0; }

@@ -126,7 +126,7 @@ void Histogram::count_singly(std::span<const Tag> tags) {
 }
 
 void Histogram::add_marker(const Tag& tag) {
-  if (tag.type > TagType::missed_events || tag.reserved != 0) {
+  if (!tag.is_valid()) {
     ++totals_.bad_tags;
     return;
   }

@@ -58,7 +58,7 @@ bool TagFilter::keep(Channel& channel, std::uint64_t time) {
 }
 
 void TagFilter::take(Tag tag) {
-  if (tag.type != TagType::time_tag || tag.reserved != 0) {
+  if (!tag.is_time_tag()) {
     sort_waiting();
     release(waiting_.size());
     ready_.push_back(tag);
