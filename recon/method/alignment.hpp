@@ -14,9 +14,6 @@
 #include "recon/numbers/tensor_file.hpp"
 
 namespace echofuse::recon {
-namespace method {
-inline constexpr double zone_step_m = 0.2;  // wide, because each zone detects few photons
-}
 
 // Correlation between the radar profile and the profile expected from the histogram, as a function
 // of their relative shift in range. The expected profile of a body is its histogram convolved with

@@ -23,6 +23,7 @@ inline constexpr double significance = 5;
 // outstretched arm.
 inline constexpr double histogram_m = 0.7;
 inline constexpr double histogram_step_m = 0.04;  // about the range width of a 200 ps response
+inline constexpr double zone_step_m = 0.2;        // wide, because each zone detects few photons
 // Window of the radar profile, m, relative to the range r that the SPD measures. The radar measures
 // a range that is longer than r by b x / r (baseline b, lateral position x of the body). The window
 // therefore extends farther behind the body than in front of it.

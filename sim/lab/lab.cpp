@@ -166,7 +166,8 @@ std::string lab_toml(const LabOptions& o, const fs::path& dir, const std::string
 LabTagger bridged_tagger(port::SystemLoop& loop, ScenePlayer& player, const TdcOptions& options) {
   auto listener = make_tcp_listener(loop, 0);
   std::string address = listener->address();
-  const auto make = player.conditions().spd_zones > 1 ? make_histogram_bridge : make_tdc_bridge;
+  const auto make =
+      player.conditions().sends_histograms() ? make_histogram_bridge : make_tdc_bridge;
   return {make(loop, player, options, std::move(listener)), std::move(address)};
 }
 

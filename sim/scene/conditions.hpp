@@ -83,6 +83,9 @@ struct Conditions {
   std::int64_t map_size = 64;
   double map_half_tangent = 0, map_z_max_m = 6;
   double depth_noise_m = 0, depth_dropout = 0, depth_offset_m = 0;
+
+  // Returns true if the detector sends histograms; a detector of one pixel sends time tags.
+  bool sends_histograms() const { return spd_zones > 1; }
 };
 
 // Tangent of half the radar's field of view, which corresponds to a beam of +-50 degrees.
