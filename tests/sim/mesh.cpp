@@ -134,33 +134,20 @@ TEST_CASE("a mesh is placed on the floor, rotated and scaled") {
 
 namespace {
 
-// Letters made of boxes, without mirror symmetry and with a bump at the top left of the front side.
-// The x axis points to the right, the y axis up, and the z axis towards the viewer.
-using Bar = std::array<double, 6>;  // first and last coordinates in x, y and z
-const std::vector<Bar> letter_l{{0, .3, 0, 1.5, -.1, .1}, {.3, 1, 0, .4, -.1, .1}},
-    letter_f{{0, .3, 0, 1.5, -.1, .1}, {.3, 1, 1.2, 1.5, -.1, .1}, {.3, .8, .6, .8, -.1, .1}};
-constexpr Bar bump{0, .3, 1.1, 1.5, .1, .4};
-
-std::string letter_obj(std::vector<Bar> bars, Vec3 (*in_file)(Vec3)) {
-  bars.push_back(bump);
+// A letter F of rectangles. The upper end of its stem is closer to the viewer. The x axis points to
+// the right, the y axis up, and the z axis towards the viewer.
+std::string letter_obj(Vec3 (*in_file)(Vec3)) {
+  // first and last x, first and last y, z
+  const std::vector<std::array<double, 5>> bars{
+      {0, .3, 0, 1.1, 0}, {0, .3, 1.1, 1.5, .4}, {.3, 1, 1.2, 1.5, 0}, {.3, .8, .6, .8, 0}};
   std::ostringstream out;
-  for (const Bar& b : bars)
-    for (int k = 0; k < 8; ++k) {
-      const auto at = [&](std::size_t axis, int bit) { return b[2 * axis + ((k >> bit) & 1)]; };
-      const Vec3 p = in_file({at(0, 0), at(1, 1), at(2, 2)});
+  for (const auto& [x0, x1, y0, y1, z] : bars) {
+    for (const Vec3 corner : {Vec3{x0, y0, z}, {x1, y0, z}, {x1, y1, z}, {x0, y1, z}}) {
+      const Vec3 p = in_file(corner);
       out << "v " << p.x << ' ' << p.y << ' ' << p.z << '\n';
     }
-  for (std::size_t n = 0; n < bars.size(); ++n)
-    for (const auto& f : {std::array{1, 2, 4, 3},
-                          {5, 6, 8, 7},
-                          {1, 2, 6, 5},
-                          {3, 4, 8, 7},
-                          {1, 3, 7, 5},
-                          {2, 4, 8, 6}}) {
-      out << 'f';
-      for (const int corner : f) out << ' ' << corner + 8 * static_cast<int>(n);
-      out << '\n';
-    }
+    out << "f -4 -3 -2 -1\n";
+  }
   return out.str();
 }
 
@@ -174,37 +161,28 @@ TEST_CASE("meshes from right-handed files are not mirrored, whatever the up axis
   };
   SceneSpec spec{SceneKind::object};
   spec.x_m = 0, spec.z_m = 3.2, spec.yaw_deg = 0;
-  for (const bool is_l : {true, false})
-    for (const auto& [up, in_file] : {File{"y", [](Vec3 p) { return p; }},
-                                      {"z",
-                                       [](Vec3 p) {
-                                         return Vec3{p.x, -p.z, p.y};
-                                       }},
-                                      {"-y", [](Vec3 p) {
-                                         return Vec3{p.x, -p.y, -p.z};
-                                       }}}) {
-      CAPTURE(is_l, up);
-      Conditions c;
-      c.object = folder / (is_l ? "L" : "F") + up + ".obj";
-      c.object_up = up, c.camera_height_m = 0.75;
-      std::ofstream(c.object) << letter_obj(is_l ? letter_l : letter_f, in_file);
-      const Scene scene = make_scene(c, spec, 1, 0);
-      const auto depth_m = [&](double x_m, double y_m) {
-        const double z = 3.2;
-        const Axis x{"x", "tangent", "1", 1, x_m / z, 1e-3},
-            y{"y", "tangent", "1", 1, y_m / z, 1e-3};
-        return double{cast(scene, 0, x, y)[0].z_m};
-      };
-      // The outline of the letter is centred at x = 0.5. In depth, the letter is centred 0.15 m
-      // behind the front of the bump. The first depth is at the front of the bump, the second at
-      // the front of the stem.
-      CHECK(depth_m(-0.35, 0.5) == Approx(2.95).margin(1e-3));
-      CHECK(depth_m(-0.35, -0.1) == Approx(3.25).margin(1e-3));
-      // Only the L has a foot.
-      CHECK((depth_m(0.3, -0.6) > 0) == is_l);
-      // Only the F has an upper arm.
-      CHECK((depth_m(0.3, 0.55) > 0) == !is_l);
-    }
+  const auto y_up = [](Vec3 p) { return p; };
+  const auto z_up = [](Vec3 p) { return Vec3{p.x, -p.z, p.y}; };
+  const auto y_down = [](Vec3 p) { return Vec3{p.x, -p.y, -p.z}; };
+  for (const auto& [up, in_file] : {File{"y", y_up}, File{"z", z_up}, File{"-y", y_down}}) {
+    CAPTURE(up);
+    Conditions c;
+    c.object = folder / up + ".obj";
+    c.object_up = up, c.camera_height_m = 0.75;
+    std::ofstream(c.object) << letter_obj(in_file);
+    const Scene scene = make_scene(c, spec, 1, 0);
+    const auto depth_m = [&](double x_m, double y_m) {
+      const Axis x{"x", "tangent", "1", 1, x_m / 3.2, 1e-3},
+          y{"y", "tangent", "1", 1, y_m / 3.2, 1e-3};
+      return double{cast(scene, 0, x, y)[0].z_m};
+    };
+    // The outline of the letter is centred at x = 0.5. In depth, the letter is centred 0.2 m behind
+    // the upper end of the stem.
+    CHECK(depth_m(-0.35, 0.5) == Approx(3).margin(1e-3));
+    CHECK(depth_m(-0.35, -0.1) == Approx(3.4).margin(1e-3));
+    CHECK(depth_m(0.3, 0.55) > 0);
+    CHECK(depth_m(0.3, -0.6) == 0);
+  }
 }
 
 TEST_CASE("a byte order mark and continued lines are read in meshes") {
@@ -245,16 +223,20 @@ TEST_CASE("the size of an object is stated, and an implausible size is refused")
 }
 
 TEST_CASE("damaged mesh files are refused with the line number of the error") {
-  const auto has = [](const std::string& part) { return Catch::Contains(part); };
-  CHECK_THAT(refusal("v 0 0 zero\n"), has("a.mesh:1: found \"zero\"; expected a coordinate"));
-  CHECK_THAT(refusal("v 0 0 0\nv 1 0\n"), has("a.mesh:2: "));
-  CHECK_THAT(refusal("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 4\n"), has("a.mesh:4: found \"4\""));
-  CHECK_THAT(refusal("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 0\n"), has("index from 1 to 3"));
-  CHECK_THAT(refusal("v 0 0 0\nf 1 1\n"), has("a.mesh:2: "));
-  CHECK_THAT(refusal("v 0 0 1e9\n"), has("a coordinate from -1e6 to 1e6"));
-  CHECK_THAT(refusal(""), has("no triangles"));
-  CHECK_THAT(refusal("ply\nformat ascii 1.0\nend_header\n"), has("expected a Wavefront OBJ file"));
-  CHECK_THAT(refusal("v \x1b[2J\n"), has("found \"\\x1b[2J\""));
+  const std::string corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
+  for (const auto& [text, why] :
+       {std::pair<std::string, const char*>{"v 0 0 zero\n",
+                                            "a.mesh:1: found \"zero\"; expected a coordinate"},
+        {"v 0 0 0\nv 1 0\n", "a.mesh:2: "},
+        {corners + "f 1 2 4\n", "a.mesh:4: found \"4\""},
+        {corners + "f 1 2 0\n", "index from 1 to 3"},
+        {corners + "f 1 2 -4\n", "a.mesh:4: found \"-4\""},
+        {"v 0 0 0\nf 1 1\n", "a.mesh:2: "},
+        {"v 0 0 1e9\n", "a coordinate from -1e6 to 1e6"},
+        {"", "no triangles"},
+        {"ply\nformat ascii 1.0\nend_header\n", "expected a Wavefront OBJ file"},
+        {"v \x1b[2J\n", "found \"\\x1b[2J\""}})
+    CHECK_THAT(refusal(text), Catch::Contains(why));
   Rng rng = make_rng(4, 4);
   for (int k = 0; k < 3000; ++k) {
     std::string spoilt = box_obj;

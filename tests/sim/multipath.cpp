@@ -200,27 +200,6 @@ TEST_CASE("a Lambertian wall illuminates a patch with the analytic form factor")
   CHECK(form_factor(patch, tiles(screen(2, 1), 1, {}).front()) == 0);
 }
 
-TEST_CASE("light in a closed box decays by the albedo at each reflection") {
-  std::vector<Patch> all;
-  for (const Plate& plate : box().plates)
-    for (const Patch& p : tiles(plate, 16, {0.3, 0.2, 1})) all.push_back(p);
-  const double rho = 0.5;
-  std::vector<double> exitance(all.size());
-  // Patch 5 emits a power of 1. The other patches emit no light.
-  exitance[5] = 1 / all[5].area_m2();
-  for (int n = 1; n <= 3; ++n) {
-    std::vector<double> next(all.size());
-    double power = 0;
-    for (std::size_t k = 0; k < all.size(); ++k) {
-      for (std::size_t p = 0; p < all.size(); ++p)
-        if (exitance[p] > 0) next[k] += rho * exitance[p] * form_factor(all[k], all[p]);
-      power += next[k] * all[k].area_m2();
-    }
-    CHECK(power == Approx(std::pow(rho, n)).epsilon(0.03 * n));
-    exitance = next;
-  }
-}
-
 TEST_CASE("light reflected via a wall equals the integral over the wall for both path directions") {
   const double albedo = 0.7;
   const Room room = room_of({side_wall(-1.2, albedo)});

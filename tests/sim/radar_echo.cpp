@@ -61,11 +61,6 @@ TEST_CASE("an asymmetric radar response is simulated and stated with both flanks
     CHECK(same.at(u) == Approx(even.at(u)).margin(1e-9));
     CHECK(near.at(u) == Approx(far.at(-u)).margin(1e-9));
   }
-  for (const char* text : {"1 0.5", "0 0.5 0.9 0.5 0", "0 0.5 1 1.2 0", "0 0.5 1 x 0"}) {
-    Conditions c;
-    c.radar_taps = text;
-    CHECK_THROWS_WITH(validate(c), Catch::Contains("radar_taps: expected 3 to 64 numbers"));
-  }
 }
 
 TEST_CASE("the Blackman radar response is the Fourier transform of the Blackman window") {
@@ -123,18 +118,6 @@ TEST_CASE("the radar measures range from its own position") {
   CHECK(nearest(scene) <= std::hypot(1.3, 3.5) - 0.1 + miss);
   CHECK(nearest(mirrored(scene)) >= std::hypot(0.3, 3.5) - 0.1 - 1e-6);
   CHECK(nearest(mirrored(scene)) <= std::hypot(0.3, 3.5) - 0.1 + miss);
-}
-
-TEST_CASE("a radar at the position of the SPD cannot distinguish left from right") {
-  Conditions c;
-  c.baseline_m = 0;
-  for (std::uint64_t i = 0; i < 6; ++i) {
-    const Scene scene = some_scene(c, i);
-    const auto a = radar_power(radar_returns(scene, c), radar_response(c));
-    const auto b = radar_power(radar_returns(mirrored(scene), c), radar_response(c));
-    for (std::size_t k = 0; k < a.size(); ++k)
-      CHECK(a[k] == Approx(b[k]).epsilon(1e-6).margin(1e-9));
-  }
 }
 
 TEST_CASE("simulated radar noise is white and falls with the square root of the number of frames") {

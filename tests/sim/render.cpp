@@ -11,12 +11,6 @@ namespace {
 Axis x_axis(std::uint32_t n) { return record::depth_x_axis(n, 0.55); }
 Axis y_axis(std::uint32_t n) { return record::depth_y_axis(n, 0.55); }
 
-// Returns the weight of the part of a screen at distance d that is closer than the slant range r.
-// The weight is the integral of albedo cos dOmega / R^2.
-double screen_weight(double d, double r, double albedo) {
-  return albedo * std::numbers::pi / (2 * d * d) * (1 - std::pow(d / r, 4)) / mean_scene_weight;
-}
-
 }  // namespace
 
 TEST_CASE("rays from both sensors hit a sphere at the computed points") {
@@ -88,13 +82,10 @@ TEST_CASE("the strokes of a letter are rendered at their positions with gaps bet
     const Axis y{"y", "tangent", "1", 1, v / 2, 1e-3};
     return static_cast<double>(cast(scene, 0, x, y)[0].z_m);
   };
-  CHECK(z_at(-0.199, 0.199) == 2);
-  CHECK(z_at(-0.101, 0.0) == 2);
-  CHECK(z_at(0.199, -0.199) == 2);
-  CHECK(z_at(-0.099, 0.0) == 0);
-  CHECK(z_at(0.0, 0.0) == 0);
-  CHECK(z_at(-0.201, 0.0) == 0);
-  CHECK(z_at(-0.15, 0.201) == 0);
+  for (const auto& [u, v] : {std::pair{-0.199, 0.199}, {-0.101, 0.0}, {0.199, -0.199}})
+    CHECK(z_at(u, v) == 2);
+  for (const auto& [u, v] : {std::pair{-0.099, 0.0}, {0.0, 0.0}, {-0.201, 0.0}, {-0.15, 0.201}})
+    CHECK(z_at(u, v) == 0);
 }
 
 TEST_CASE("occlusion is computed separately for each sensor position") {
@@ -114,63 +105,50 @@ TEST_CASE("occlusion is computed separately for each sensor position") {
 
 TEST_CASE("depth images contain z in millimetres, limited to 16 bits") {
   Scene scene;
-  scene.plates = {screen(65.5346, 0.5)};
-  for (const auto mm : render_depth_mm(scene, x_axis(64), y_axis(64))) REQUIRE(mm == 65535);
-  scene.plates = {screen(65.54, 0.5)};
-  for (const auto mm : render_depth_mm(scene, x_axis(64), y_axis(64))) REQUIRE(mm == 0);
-}
-
-TEST_CASE("a flat screen returns the analytic amount of light") {
-  Conditions c;
-  c.spd_rays = 1024;
-  constexpr double distance = 4, albedo = 0.6;
-  Scene scene;
-  scene.plates = {screen(distance, albedo)};
-  const Returns returns = spd_returns(scene, c);
-  const double step = 2 * c.half_tangent / static_cast<double>(c.spd_rays);
-  for (const double tangent : {0.1, 0.2, 0.35, 0.5}) {
-    const double r = distance * std::hypot(1, tangent);
-    double sum = 0;
-    for (std::size_t k = 0; k < returns.weight.size(); ++k)
-      if (returns.range_m[k] < r) sum += returns.weight[k];
-    // Only pixels on the edge of the circle within range r may be wrong. There are at most 8
-    // tangent / step such pixels.
-    const double edge = 8 * tangent * step * albedo / (distance * distance * mean_scene_weight);
-    CHECK(std::abs(sum - screen_weight(distance, r, albedo)) < edge);
-    CHECK(edge < 0.06 * sum);
+  for (const auto& [z_m, expected] : {std::pair{65.5346, 65535}, {65.54, 0}, {2.0006, 2001}}) {
+    scene.plates = {screen(z_m, 0.5)};
+    for (const auto mm : render_depth_mm(scene, x_axis(64), y_axis(64))) REQUIRE(mm == expected);
   }
 }
 
-TEST_CASE("a sphere returns the analytic amount of light") {
+TEST_CASE("a flat screen and a sphere return the analytic amount of light") {
   Conditions c;
   c.spd_rays = 1024;
-  constexpr double d = 3, a = 0.8, albedo = 0.6, k = d * d - a * a;
-  Scene scene;
-  scene.capsules = {sphere({0, 0, d}, a, albedo)};
-  const Returns returns = spd_returns(scene, c);
+  // Checks the light from the part of the scene within range r. Only pixels on the edge of the
+  // circle within this range may be wrong. There are at most 8 tangent / step such pixels, where
+  // `tangent` is that of the circle. Each has the weight `weight`.
+  const auto check = [&](const Scene& scene, double r, double expected, double tangent,
+                         double weight) {
+    const Returns returns = spd_returns(scene, c);
+    double sum = 0;
+    for (std::size_t k = 0; k < returns.weight.size(); ++k)
+      if (returns.range_m[k] < r) sum += returns.weight[k];
+    const double edge = 8 * tangent * 2 * c.half_tangent / static_cast<double>(c.spd_rays) *
+                        weight / mean_scene_weight;
+    CAPTURE(r, sum, expected, edge);
+    CHECK(std::abs(sum - expected / mean_scene_weight) < edge);
+    CHECK(edge < 0.1 * sum);
+  };
+  constexpr double albedo = 0.6, d = 3, a = 0.8, k = d * d - a * a, pi = std::numbers::pi;
+  Scene flat, round;
+  flat.plates = {screen(d, albedo)};
+  // The weight of the part of the screen within range r is the integral of albedo cos dOmega / R^2.
+  for (const double tangent : {0.1, 0.2, 0.35, 0.5}) {
+    const double r = d * std::hypot(1, tangent);
+    check(flat, r, albedo * pi / (2 * d * d) * (1 - std::pow(d / r, 4)), tangent, albedo / (d * d));
+  }
   // A ray at angle alpha from the axis hits the sphere at range R with angle of incidence theta.
   // The sphere has radius a, and its centre is at distance d. Therefore, d^2 = R^2 + a^2 + 2 R a
   // cos(theta) and 2 d R cos(alpha) = d^2 + R^2 - a^2. The weight within range r is the integral of
   // 2 pi albedo cos(theta) / R^2 over cos(alpha).
+  round.capsules = {sphere({0, 0, d}, a, albedo)};
   const auto integral = [&](double r) {
     return std::log(r) + k / (r * r) - k * k / (4 * r * r * r * r);
   };
-  const double step = 2 * c.half_tangent / static_cast<double>(c.spd_rays);
-  for (const double r : {2.25, 2.3, 2.4, 2.6}) {
-    const double expected = albedo * std::numbers::pi / (2 * d * a) *
-                            (integral(r) - integral(d - a)) / mean_scene_weight;
-    double sum = 0;
-    for (std::size_t i = 0; i < returns.weight.size(); ++i)
-      if (returns.range_m[i] < r) sum += returns.weight[i];
-    // As in the test of the flat screen, only pixels on the edge of the circle within range r may
-    // be wrong.
-    const double tangent = std::tan(std::acos((d * d + r * r - a * a) / (2 * d * r)));
-    const double cosine = (d * d - r * r - a * a) / (2 * r * a);
-    const double edge = 8 * tangent * step * albedo * cosine / (r * r * mean_scene_weight);
-    CAPTURE(r, sum, expected, edge);
-    CHECK(std::abs(sum - expected) < edge);
-    CHECK(edge < 0.1 * sum);
-  }
+  for (const double r : {2.25, 2.3, 2.4, 2.6})
+    check(round, r, albedo * pi / (2 * d * a) * (integral(r) - integral(d - a)),
+          std::tan(std::acos((d * d + r * r - a * a) / (2 * d * r))),
+          albedo * (d * d - r * r - a * a) / (2 * r * a) / (r * r));
 }
 
 TEST_CASE("a mirrored scene returns the same amount of light and a mirrored depth map") {

@@ -2,7 +2,8 @@
 
 #include <set>
 
-#include "../catch.hpp"
+#include "../fixtures/error.hpp"
+#include "drivers/util/settings.hpp"
 #include "scenes.hpp"
 #include "sim/scene/room.hpp"
 
@@ -71,15 +72,6 @@ TEST_CASE("simulated people hold a letter in both hands, facing the sensors with
   CHECK(all == "ACEHLNOTUX");
 }
 
-TEST_CASE("mirroring a simulated scene twice restores it") {
-  const Scene scene = some_scene({}, 1);
-  const Scene image = mirrored(scene), back = mirrored(image);
-  CHECK(image.capsules[0].a.x == -scene.capsules[0].a.x);
-  CHECK(image.capsules[0].a.z == scene.capsules[0].a.z);
-  CHECK(back.plates[0].u.z == scene.plates[0].u.z);
-  CHECK(back.plates[0].centre.x == scene.plates[0].centre.x);
-}
-
 TEST_CASE("empty scenes contain no body, and scenes of two people contain two bodies") {
   const Conditions c;
   CHECK(make_scene(c, SceneKind::empty, 1, 0).capsules.empty());
@@ -105,4 +97,45 @@ TEST_CASE("the simulated room fills the view behind the people within the range 
   CHECK(*nearest > 4.6);
   CHECK(*farthest < 7.0);
   for (const auto& plate : room().plates) CHECK(plate.centre.z > 4.6);
+}
+
+TEST_CASE("contradictory conditions of a simulation are refused, and limits are accepted") {
+  const std::string taps = "radar_taps: expected 3 to 64 numbers", zones = "expected 1, 3, 4 or 8";
+  const auto [settings, why] = GENERATE_COPY(table<std::vector<std::string>, std::string>(
+      {{{"spd_rays=15"}, "spd_rays is 15; expected 0, or a whole number from 16"},
+       {{"spd_rays=1"}, "spd_rays is 1"},
+       {{"spd_rays=16", "spd_zones=3", "spd_dead_time_ps=1", "pulses_per_window=1"}, ""},
+       {{"spd_zones=2"}, zones},
+       {{"spd_zones=4"}, ""},
+       {{"spd_zones=5"}, zones},
+       {{"spd_zones=7"}, zones},
+       {{"spd_zones=8"}, ""},
+       {{"spd_zones=3", "multipath_order=1"}, "the simulated light from walls has no direction"},
+       {{"spd_zones=1", "multipath_order=1"}, ""},
+       {{"spd_dead_time_ps=1", "pulses_per_window=0"}, "spd_dead_time_ps needs pulses_per_window"},
+       {{"map_half_tangent=0.019"}, "map_half_tangent: expected 0, or 0.02 to 3"},
+       {{"map_half_tangent=0.02", "radar_antennas=8"}, ""},
+       {{"radar_antennas=9"}, "radar_antennas is 9; expected 0 to 8, or 12"},
+       {{"radar_antennas=11"}, "radar_antennas is 11"},
+       {{"radar_antennas=12", "radar_frames=13"}, ""},
+       {{"radar_antennas=12", "radar_frames=12"}, "radar_frames is 12; expected more than"},
+       {{"radar_antennas=1", "radar_frames=1"}, "radar_frames is 1; expected more than"},
+       {{"target_z_min_m=3", "target_z_max_m=2.9"}, "target_z_min_m is greater"},
+       {{"height_min_m=1.8", "height_max_m=1.7"}, "height_min_m is greater"},
+       {{"albedo_min=0.5", "albedo_max=0.4"}, "albedo_min is greater"},
+       {{"target_z_min_m=3", "target_z_max_m=3", "height_min_m=1.8", "height_max_m=1.8",
+         "albedo_min=0.5", "albedo_max=0.5"},
+        ""},
+       {{"radar_taps=1 0.5"}, taps},
+       {{"radar_taps=0 0.5 0.9 0.5 0"}, taps},
+       {{"radar_taps=0 0.5 1 1.2 0"}, taps},
+       {{"radar_taps=0 0.5 1 x 0"}, taps}}));
+  Conditions c;
+  Settings s;
+  bind(s, c);
+  for (const std::string& assignment : settings) s.set(assignment);
+  CAPTURE(settings);
+  const std::string said = test::refusal_by([&] { validate(c); });
+  CHECK(said.empty() == why.empty());
+  CHECK_THAT(said, Catch::Contains(why));
 }

@@ -10,7 +10,6 @@
 
 using namespace echofuse::sim;
 using namespace echofuse::test;
-using Catch::Contains;
 
 namespace {
 
@@ -100,13 +99,4 @@ TEST_CASE("detector zones do not change the depth maps or the total counts") {
     CHECK(std::abs(static_cast<double>(zones.spd_counts.in_range) - clicks) <
           5 * std::sqrt(2 * clicks));
   }
-}
-
-TEST_CASE("an unsupported number of zones, or zones combined with multipath, is refused") {
-  CHECK_NOTHROW(validate(with_zones(8)));
-  CHECK_THROWS_WITH(validate(with_zones(2)), Contains("expected 1, 3, 4 or 8"));
-  CHECK_THROWS_WITH(validate(with_zones(5)), Contains("expected 1, 3, 4 or 8"));
-  Conditions walls = with_zones(3);
-  walls.multipath_order = 1;
-  CHECK_THROWS_WITH(validate(walls), Contains("the simulated light from walls has no direction"));
 }
