@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // depth_reader FILE FRAMES PLUG: reads FRAMES frames of the simulated depth camera with the
 // unmodified OpenNI2 library, and writes the last frame to FILE. If PLUG is 1, then waits until the
-// camera disappears and returns, and reads one more frame. Prints one line per event.
+// camera disappears and returns, and reads one more frame. Prints one line per frame.
 #include <OpenNI.h>
 
 #include <atomic>
@@ -20,23 +20,10 @@ class Plug : public openni::OpenNI::DeviceConnectedListener,
   std::atomic<int> connected{0}, disconnected{0};
 };
 
-template <class Condition>
-bool wait_for(Condition condition) {
-  for (int i = 0; i < 500 && !condition(); ++i)
+bool wait_for(const std::atomic<int>& count) {
+  for (int i = 0; i < 500 && count == 0; ++i)
     std::this_thread::sleep_for(std::chrono::milliseconds(10));
-  return condition();
-}
-
-void say(const char* text) {
-  std::puts(text);
-  std::fflush(stdout);
-}
-
-void describe(const openni::VideoStream& stream) {
-  const openni::VideoMode mode = stream.getVideoMode();
-  std::printf("mode %d %d %d %d fov %.6f %.6f\n", mode.getResolutionX(), mode.getResolutionY(),
-              mode.getFps(), mode.getPixelFormat(), stream.getHorizontalFieldOfView(),
-              stream.getVerticalFieldOfView());
+  return count > 0;
 }
 
 bool read_frames(const char* path, int frames) {
@@ -48,16 +35,17 @@ bool read_frames(const char* path, int frames) {
     std::printf("error %s\n", openni::OpenNI::getExtendedError());
     return false;
   }
-  describe(stream);
+  const openni::VideoMode mode = stream.getVideoMode();
+  std::printf("mode %d %d %d %d fov %.6f %.6f\n", mode.getResolutionX(), mode.getResolutionY(),
+              mode.getFps(), mode.getPixelFormat(), stream.getHorizontalFieldOfView(),
+              stream.getVerticalFieldOfView());
   openni::VideoFrameRef frame;
   for (int i = 0; i < frames; ++i) {
     openni::VideoStream* streams[] = {&stream};
     int index = -1;
     if (openni::OpenNI::waitForAnyStream(streams, 1, &index, 2000) != openni::STATUS_OK ||
-        stream.readFrame(&frame) != openni::STATUS_OK) {
-      say("error no frame");
+        stream.readFrame(&frame) != openni::STATUS_OK)
       return false;
-    }
     std::printf("index %d time %llu stride %d\n", frame.getFrameIndex(),
                 static_cast<unsigned long long>(frame.getTimestamp()), frame.getStrideInBytes());
   }
@@ -65,29 +53,19 @@ bool read_frames(const char* path, int frames) {
   if (!file) return false;
   std::fwrite(frame.getData(), 1, static_cast<std::size_t>(frame.getDataSize()), file);
   std::fclose(file);
-  say("frame");
   return true;
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
-  if (argc != 4) return 2;
-  if (openni::OpenNI::initialize() != openni::STATUS_OK) {
-    say("error no OpenNI");
-    return 1;
-  }
+  if (argc != 4 || openni::OpenNI::initialize() != openni::STATUS_OK) return 2;
   Plug plug;
   openni::OpenNI::addDeviceConnectedListener(&plug);
   openni::OpenNI::addDeviceDisconnectedListener(&plug);
   bool good = read_frames(argv[1], std::atoi(argv[2]));
-  if (good && std::atoi(argv[3]) != 0) {
-    good = wait_for([&] { return plug.disconnected > 0; });
-    say(good ? "gone" : "error still there");
-    good = good && wait_for([&] { return plug.connected > 0; });
-    say(good ? "back" : "error still away");
-    good = good && read_frames(argv[1], 1);
-  }
+  if (good && std::atoi(argv[3]) != 0)
+    good = wait_for(plug.disconnected) && wait_for(plug.connected) && read_frames(argv[1], 1);
   openni::OpenNI::removeDeviceConnectedListener(&plug);
   openni::OpenNI::removeDeviceDisconnectedListener(&plug);
   openni::OpenNI::shutdown();
