@@ -2,14 +2,13 @@
 // Compares simulated histograms with published ones, which were measured with a TMF8820 or
 // simulated by another group (Mu et al., CVPR 2024). Skipped if ECHOFUSE_DATA does not contain
 // these data.
-#include <zlib.h>
-
 #include <array>
 #include <cstring>
 #include <nlohmann/json.hpp>
 
 #include "../fixtures/data.hpp"
 #include "../fixtures/folder.hpp"
+#include "../fixtures/shell.hpp"
 #include "sim/scene/mesh.hpp"
 #include "sim/sensors/optics.hpp"
 #include "sim/sensors/render.hpp"
@@ -20,14 +19,9 @@ using test::data_folder;
 namespace {
 
 nlohmann::json read_json(const std::string& name) {
-  const gzFile file = gzopen((data_folder() / name).c_str(), "rb");
-  REQUIRE(file);
-  std::string text;
-  std::array<char, 65536> part{};
-  for (int n; (n = gzread(file, part.data(), part.size())) > 0;)
-    text.append(part.data(), static_cast<std::size_t>(n));
-  gzclose(file);
-  return nlohmann::json::parse(text);
+  const test::Outcome o = test::shell("gzip -dc '" + (data_folder() / name).string() + "'");
+  REQUIRE(o.code == 0);
+  return nlohmann::json::parse(o.text);
 }
 
 using Corners = std::vector<std::array<Vec3, 3>>;
