@@ -44,20 +44,10 @@ Triangle moved(const Mesh& mesh, std::size_t i, Vec3 by) {
 
 }  // namespace
 
-TEST_CASE("a box mesh is read with its corners, faces and volume") {
-  const Mesh mesh = read_mesh(box_obj, "box.obj");
-  REQUIRE(mesh.points.size() == 8);
-  REQUIRE(mesh.triangles.size() == 12);
-  // Computes the volume with the divergence theorem. The result is correct only if all faces point
-  // outwards.
-  double volume = 0;
-  for (const auto& [a, b, c] : mesh.triangles)
-    volume += dot(mesh.points[a], cross(mesh.points[b], mesh.points[c])) / 6;
-  CHECK(std::abs(volume) == Approx(1));
-}
-
 TEST_CASE("a box mesh renders exactly like plates at the positions of its faces") {
   const Mesh mesh = read_mesh(box_obj, "box.obj");
+  CHECK(mesh.points.size() == 8);
+  CHECK(mesh.triangles.size() == 12);
   const Vec3 place{0.7, -0.3, 3.5};
   Scene triangles, plates;
   for (std::size_t i = 0; i < mesh.triangles.size(); ++i)

@@ -140,27 +140,6 @@ TEST_CASE("echo power via one wall equals the analytic value, and open scenes ar
   CHECK(radar_returns(open, with_echoes(2, rho)).weight == radar_returns(open, direct).weight);
 }
 
-TEST_CASE("an echo path via two walls of a corner exists for exactly one order of the walls") {
-  const Room room = room_of({side_wall(-1, 0), wall({0, -1.1, 5}, {1, 0, 0}, {0, 0, 1}, 6, 10, 0)});
-  const Vec3 sensor{0.2, 0, 0};
-  const auto images = image_sources(room, sensor, 2);
-  REQUIRE(images.size() == 5);
-  for (const auto& image : {images[2], images[4]}) {
-    CHECK(image.reflections == 2);
-    CHECK(length(image.at - Vec3{-2.2, -2.2, 0}) < 1e-12);
-  }
-  Rng rng = make_rng(1, 1);
-  std::uniform_real_distribution<double> side(-0.9, 0.9);
-  for (int i = 0; i < 100; ++i) {
-    const Vec3 place{side(rng), side(rng), 3 + side(rng)};
-    const auto one = way_to(images[2], sensor, place), other = way_to(images[4], sensor, place);
-    CHECK(one.has_value() != other.has_value());
-    const Way& way = one ? *one : *other;
-    CHECK(way.length_m == Approx(length(place - images[2].at)));
-    CHECK(length(way.departure - Vec3{-way.arrival.x, -way.arrival.y, way.arrival.z}) < 1e-12);
-  }
-}
-
 TEST_CASE("reflections at the walls of a closed box conserve energy") {
   const Room room = box();
   const Vec3 sensor{-0.4, 0.1, 0.3};

@@ -151,19 +151,6 @@ TEST_CASE("a flat screen and a sphere return the analytic amount of light") {
           albedo * (d * d - r * r - a * a) / (2 * r * a) / (r * r));
 }
 
-TEST_CASE("a mirrored scene returns the same amount of light and a mirrored depth map") {
-  const Conditions c;
-  for (std::uint64_t i = 0; i < 10; ++i) {
-    const Scene scene = some_scene(c, i), image = mirrored(scene);
-    const auto map = render_depth_mm(scene, x_axis(64), y_axis(64));
-    const auto other = render_depth_mm(image, x_axis(64), y_axis(64));
-    for (std::size_t p = 0; p < map.size(); ++p)
-      REQUIRE(map[p] == other[p / 64 * 64 + 63 - p % 64]);
-    CHECK(total(spd_returns(scene, c).weight) ==
-          Approx(total(spd_returns(image, c).weight)).epsilon(1e-6));
-  }
-}
-
 TEST_CASE("the mean amount of light returned by simulated scenes equals the documented reference") {
   const Conditions c;
   constexpr int scenes = 1000;
