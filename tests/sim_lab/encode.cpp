@@ -22,7 +22,12 @@ const Bytes magic = bytes({0x02, 0x01, 0x04, 0x03, 0x06, 0x05, 0x08, 0x07});
 
 }  // namespace
 
-TEST_CASE("an encoded bridge block with one tag has the documented bytes") {
+TEST_CASE("encoded tags and bridge blocks have the documented bytes") {
+  Bytes falling;  // the channel number of a falling edge is negative
+  put_tag(falling, -1, -2);
+  Bytes expected_tag = bytes({0, 0, 0, 0, 0xff, 0xff, 0xff, 0xff, 0xfe});
+  expected_tag.resize(16, 0xff);
+  CHECK(falling == expected_tag);
   Bytes tag;
   put_tag(tag, 2, 1234567890123);
   CHECK(tag == bytes({0, 0, 0, 0, 2, 0, 0, 0, 0xcb, 0x04, 0xfb, 0x71, 0x1f, 0x01, 0, 0}));
@@ -30,13 +35,6 @@ TEST_CASE("an encoded bridge block with one tag has the documented bytes") {
                           5,   0,   0,   0,   0, 0, 0, 0, 0, 0, 0, 0, 0x22, 0x8d, 0x64, 0xfc});
   expected.insert(expected.end(), tag.begin(), tag.end());
   CHECK(bridge_block(BlockKind::tags, 7, 5, tag) == expected);
-}
-
-TEST_CASE("the encoded tag of a falling edge has a negative channel number") {
-  Bytes tag;
-  put_tag(tag, -1, -2);
-  CHECK(tag == bytes({0, 0, 0, 0, 0xff, 0xff, 0xff, 0xff, 0xfe, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff,
-                      0xff}));
 }
 
 TEST_CASE("an encoded radar frame has the documented bytes") {

@@ -5,6 +5,7 @@
 #include <set>
 
 #include "../fixtures/error.hpp"
+#include "drivers/port/virtual_loop.hpp"
 #include "lab_thread.hpp"
 
 using namespace echofuse::test;
@@ -65,14 +66,12 @@ TEST_CASE("the simulated laboratory refuses a folder that it cannot use") {
                Catch::Contains("another laboratory is running in this directory"));
     CHECK(fs::exists(options.dir + "/radar-cli"));
   }
-  SECTION("a folder that contains files of another program is refused") {
+  SECTION("a folder with files of another program, or with a long path, is refused") {
     fs::create_directories(options.dir);
     std::ofstream(options.dir + "/thesis.tex") << "\\documentclass";
     CHECK_THAT(refusal(options, ExitCode::usage),
                Catch::Contains("files that do not belong to a laboratory"));
     CHECK(names_in(options.dir) == std::set<std::string>{"thesis.tex"});
-  }
-  SECTION("a folder path that is too long for a socket is refused") {
     options.dir = dir / std::string(120, 'x');
     CHECK_THAT(refusal(options, ExitCode::usage), Catch::Contains("too long for a socket"));
   }
@@ -94,27 +93,17 @@ TEST_CASE("start-up errors of the simulated laboratory state the cause and leave
   }
 }
 
-namespace {
-
-struct ManualClock final : Clock {
-  HostTime now() const override { return time; }
-  UtcTime utc() const override { return time; }
-  HostTime time{};
-};
-
-}  // namespace
-
 TEST_CASE("scenes change at the set interval, and 25 % of mixed scenes show people") {
-  ManualClock clock;
+  port::VirtualLoop clock;
   const sim::Conditions conditions;
   sim::ScenePlayer player(clock, conditions, {"mixed", 3, 0.5});
   CHECK(player.at(0.49).index == 0);
   CHECK(player.scene_end_s(0.49) == 0.5);
   CHECK(player.at(0.51).index == 1);
-  clock.time += std::chrono::seconds(2);
+  clock.run_for(std::chrono::seconds(2));
   CHECK(player.at(player.now_s()).index == 4);
   // The laboratory starts in the middle of a scene.
-  clock.time = std::chrono::milliseconds(10'200);
+  clock.run_for(std::chrono::milliseconds(8200));
   sim::ScenePlayer later(clock, conditions, {"mixed", 3, 0.5});
   CHECK(later.at(0.299).index == 0);
   CHECK(later.scene_end_s(0.1) == Approx(0.3).epsilon(1e-12));

@@ -57,33 +57,23 @@ Returns person(const Conditions& c) {
 
 }  // namespace
 
-TEST_CASE("simulated photons have the expected rate in each histogram bin") {
+TEST_CASE("simulated photons have the expected rate in each bin, also with pile-up or a tail") {
+  const auto [tail_ps, pulses] =
+      GENERATE(table<double, std::int64_t>({{0, 0}, {300, 0}, {0, 60'000}}));
+  CAPTURE(tail_ps, pulses);
   Conditions c;
-  c.background_counts = 2e4;
-  SECTION("the photon rate is correct for a Gaussian instrument response") {}
-  SECTION("the photon rate is correct for an instrument response with an exponential tail") {
-    c.irf_tail_ps = 300;
-  }
+  c.irf_tail_ps = tail_ps, c.pulses_per_window = pulses;
+  if (pulses == 0) c.background_counts = 2e4;
   const Returns returns = person(c);
   const Stream stream = draw(c, {}, returns);
   const auto rate = spd_rate(returns, c);
-  CHECK(std::abs(z_of_chi2(stream.counts, rate)) < 5);
-  double total = 0, expected = 0;
-  for (std::size_t i = 0; i < rate.size(); ++i) {
-    total += stream.counts[i];
-    expected += rate[i];
-  }
-  CHECK(std::abs(total - expected) < 5 * std::sqrt(expected));
-}
-
-TEST_CASE("the simulated photon stream with pile-up has only the first photon of each pulse") {
-  Conditions c;
-  c.pulses_per_window = 60'000;
-  const Returns returns = person(c);
-  const Stream stream = draw(c, {}, returns);
-  const auto rate = spd_rate(returns, c);
-  REQUIRE(total(rate) > 0.3 * 60'000);
-  CHECK(std::abs(z_of_chi2(stream.counts, first_photons(rate, 60'000).mean)) < 5);
+  const auto n = static_cast<double>(pulses);
+  const auto expected = pulses > 0 ? first_photons(rate, n).mean : rate;
+  CHECK(std::abs(z_of_chi2(stream.counts, expected)) < 5);
+  CHECK(std::abs(total(stream.counts) - total(expected)) < 5 * std::sqrt(total(expected)));
+  if (pulses == 0) return;
+  // With pile-up, only the first photon of each pulse is sent.
+  REQUIRE(total(rate) > 0.3 * n);
   for (std::size_t i = 1; i < stream.tags.size(); ++i)
     REQUIRE(stream.tags[i].channel != stream.tags[i - 1].channel);
 }
@@ -130,29 +120,22 @@ TEST_CASE(
     return std::is_sorted(tags.begin(), tags.end(),
                           [](const Tag& a, const Tag& b) { return a.time_ps < b.time_ps; });
   };
-  SECTION("the conditional filter removes sync tags without a photon") {
-    const auto tags = draw(c, tagging, returns).tags;
-    REQUIRE(tags.size() > 1000);
-    CHECK(sorted(tags));
-    CHECK(tags.front().channel == 1);
-    CHECK(tags.back().channel == 2);
-    for (std::size_t i = 1; i < tags.size(); ++i)
-      REQUIRE((tags[i].channel == 2 || tags[i - 1].channel == 2));
-  }
-  SECTION("each laser pulse has a sync tag if the filter is off") {
-    tagging.conditional_filter = false;
-    const auto tags = draw(c, tagging, returns).tags;
-    CHECK(sorted(tags));
-    std::int64_t syncs = 0;
-    for (const Tag& tag : tags)
-      if (tag.channel == 1) REQUIRE(tag.time_ps == 1'000'000 * syncs++);
-    CHECK(syncs == 500'000);
-  }
-}
-
-TEST_CASE("an empty scene without background gives no photon tags") {
-  const Conditions c;
-  CHECK(draw(c, {}, Returns{}).tags.empty());
+  const auto tags = draw(c, tagging, returns).tags;
+  REQUIRE(tags.size() > 1000);
+  CHECK(sorted(tags));
+  CHECK(tags.front().channel == 1);
+  CHECK(tags.back().channel == 2);
+  for (std::size_t i = 1; i < tags.size(); ++i)
+    REQUIRE((tags[i].channel == 2 || tags[i - 1].channel == 2));
+  // Without the filter, each laser pulse has a sync tag.
+  tagging.conditional_filter = false;
+  const auto all = draw(c, tagging, returns).tags;
+  CHECK(sorted(all));
+  std::int64_t syncs = 0;
+  for (const Tag& tag : all)
+    if (tag.channel == 1) REQUIRE(tag.time_ps == 1'000'000 * syncs++);
+  CHECK(syncs == 500'000);
+  CHECK(draw({}, {}, Returns{}).tags.empty());
 }
 
 TEST_CASE("the simulated tagger refuses laser and tag rates beyond its limits") {

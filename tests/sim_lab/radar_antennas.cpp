@@ -46,25 +46,12 @@ std::vector<Complex> samples_of(const RadarTlv& tlv) {
   return samples;
 }
 
-Conditions quiet() {
+Conditions quiet(const char* sum = "incoherent") {
   Conditions c;
   c.radar_snr_db = 100;
+  c.radar_sum = sum;
   return c;
 }
-
-// Simulates antennas that have coherent echoes and use two transmitters.
-struct CoherentBoard {
-  Conditions conditions = coherent();
-  RadarAntennas antennas{conditions, 3};
-  Rng rng{1};
-
-  CoherentBoard() { antennas.start(chirp_of({0, 2}), 1); }
-  static Conditions coherent() {
-    Conditions c = quiet();
-    c.radar_sum = "coherent";
-    return c;
-  }
-};
 
 }  // namespace
 
@@ -116,24 +103,30 @@ TEST_CASE("the simulated planar array sends samples of all antennas with their c
 }
 
 TEST_CASE("range profile codes of coherent echoes match the antenna samples") {
-  CoherentBoard board;
-  board.antennas.sample_frame(point_at(0.25, 0), 0, 1, board.rng);
-  const auto codes = board.antennas.profile_codes();
+  const Conditions c = quiet("coherent");
+  RadarAntennas board(c, 3);
+  board.start(chirp_of({0, 2}), 1);
+  Rng rng(1);
+  board.sample_frame(point_at(0.25, 0), 0, 1, rng);
+  const auto codes = board.profile_codes();
   REQUIRE(codes.size() == 64);
   // The magnitude of the echo is 2^20, so the code is 256 * 20.
   CHECK(std::abs(codes[12] - 256 * 20) <= 1);
-  const auto samples = samples_of(board.antennas.tlv());
+  const auto samples = samples_of(board.tlv());
   CHECK(std::abs(codes[13] - 256 * (10 + std::log2(std::abs(samples[13 * 8])))) < 2);
 }
 
 TEST_CASE("radar speckle changes with each new scene and is kept while a scene is unchanged") {
-  CoherentBoard board;
+  const Conditions c = quiet("coherent");
+  RadarAntennas board(c, 3);
+  board.start(chirp_of({0, 2}), 1);
+  Rng rng(1);
   RenderedScene person = point_at(0, 0);
   person.radar.place[0].person = 0;
   const auto peak = [&](std::int64_t scene, double time_s) {
     person.index = scene;
-    board.antennas.sample_frame(person, time_s, 1, board.rng);
-    return samples_of(board.antennas.tlv())[12 * 8];
+    board.sample_frame(person, time_s, 1, rng);
+    return samples_of(board.tlv())[12 * 8];
   };
   const Complex first = peak(0, 10), again = peak(0, 10), later = peak(0, 11), other = peak(1, 11);
   CHECK(std::abs(again - first) < 2);

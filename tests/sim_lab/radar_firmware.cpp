@@ -48,6 +48,13 @@ void configure(Console& console, const std::string& without = "none",
   }
 }
 
+void start_and_stop(Console& console) {
+  configure(console);
+  console.send("sensorStart\n");
+  console.send("sensorStop\n");
+  console.firmware().between_frames();
+}
+
 }  // namespace
 
 TEST_CASE("simulated radar firmware sends a banner and a prompt at power-up") {
@@ -62,26 +69,25 @@ TEST_CASE("simulated radar firmware sends a banner and a prompt at power-up") {
 
 TEST_CASE("simulated radar firmware answers a command with an echo, a reply and a prompt") {
   Console console;
-  CHECK(console.send("\n") == "\nmmwDemo:/>");
-  CHECK(console.send("flushCfg\n") == "flushCfg\nDone\n\rmmwDemo:/>");
+  const std::string unknown = "is not recognized as a CLI command\n\r";
   // The firmware echoes a carriage return twice and treats it as a line feed, so CR LF causes a
-  // second prompt.
-  CHECK(console.send("flushCfg\r\n") == "flushCfg\r\nDone\n\rmmwDemo:/>\nmmwDemo:/>");
-  CHECK(console.send("% a comment\n") == "% a comment\nSkipped\n\rmmwDemo:/>");
-  CHECK(console.send("sensorSTART\n") ==
-        "sensorSTART\n'sensorSTART' is not recognized as a CLI command\n\rmmwDemo:/>");
-  CHECK(console.send("frameCfg 0 2\n") ==
-        "frameCfg 0 2\nError: Invalid usage of the CLI command\n\rError -1\n\rmmwDemo:/>");
-  CHECK(console.send("sensorStop\n") ==
-        "sensorStop\nIgnored: Sensor is already stopped\n\rDone\n\rmmwDemo:/>");
-  CHECK(console.send("queryDemoStatus\n") ==
-        "queryDemoStatus\nSensor State: 0\n\rData port baud rate: 921600\n\rDone\n\rmmwDemo:/>");
-}
-
-TEST_CASE("simulated radar firmware does not treat tabs as separators between words") {
-  Console console;
-  CHECK_THAT(console.send("\tsensorStop\n"), Catch::Contains("'\tsensorStop' is not recognized"));
-  CHECK_THAT(console.send("frameCfg\t0 2 32 0 50 1 0\n"), Catch::Contains("is not recognized"));
+  // second prompt. A tab does not separate words.
+  for (const auto& [sent, reply] :
+       {std::pair<std::string, std::string>{"\n", ""},
+        {"flushCfg\n", "Done\n\r"},
+        {"flushCfg\r\n", "Done\n\rmmwDemo:/>\n"},
+        {"% a comment\n", "Skipped\n\r"},
+        {"sensorSTART\n", "'sensorSTART' " + unknown},
+        {"\tsensorStop\n", "'\tsensorStop' " + unknown},
+        {"frameCfg\t0 2 32 0 50 1 0\n", "'frameCfg\t0' " + unknown},
+        {"frameCfg 0 2\n",
+         "Error: Invalid usage of the CLI command\n\r"
+         "Error -1\n\r"},
+        {"sensorStop\n", "Ignored: Sensor is already stopped\n\rDone\n\r"},
+        {"queryDemoStatus\n",
+         "Sensor State: 0\n\rData port baud rate: "
+         "921600\n\rDone\n\r"}})
+    CHECK(console.send(sent) == sent + reply + "mmwDemo:/>");
 }
 
 TEST_CASE("simulated radar firmware splits command lines after 255 characters") {
@@ -111,28 +117,22 @@ TEST_CASE("simulated radar subframes start one after another, each with its own 
 }
 
 TEST_CASE("a complete cfg starts the simulated radar and defines its range axis") {
-  Console console;
-  SECTION("the cfg for 50 cm resolution gives 64 range bins of 25 cm") {
-    configure(console);
+  // The chip rounds a slope of 18.75 MHz/us to 517 steps of 36.21 kHz/us each. The slope of the
+  // other cfg is rounded to 4584 steps.
+  for (const auto& [name, bins, step_m] : {std::tuple{"xwr68xx_paper_50cm.cfg", 64u, 0.2502210254},
+                                           {"xwr68xx_44mm.cfg", 256u, 0.0440950}}) {
+    Console console;
+    configure(console, "none", name);
     CHECK(console.send("sensorStart\n") == "sensorStart\nDone\n\rmmwDemo:/>");
-    const RadarAxis axis = console.firmware().running().value().axis({});
-    CHECK(axis.count == 64);
-    // The chip rounds a slope of 18.75 MHz/us to 517 steps of 36.21 kHz/us each.
-    CHECK(axis.step_m == Approx(0.2502210254).epsilon(1e-9));
-    CHECK(axis.resolution_m == Approx(64 * axis.step_m / 60).epsilon(1e-12));
-    CHECK(console.firmware().running()->firmware_step_m() == 0.25);
-    CHECK(console.firmware().running()->antennas == 12);
-    CHECK(console.firmware().outputs().range_profile);
-    CHECK(console.firmware().outputs().stats);
-    CHECK_FALSE(console.firmware().outputs().objects);
-  }
-  SECTION("the cfg for 4.4 cm resolution gives 256 range bins") {
-    configure(console, "none", "xwr68xx_44mm.cfg");
-    CHECK(console.send("sensorStart\n") == "sensorStart\nDone\n\rmmwDemo:/>");
-    const RadarAxis axis = console.firmware().running().value().axis({});
-    CHECK(axis.count == 256);
-    // The slope is rounded to 4584 register steps.
-    CHECK(axis.step_m == Approx(0.0440950).epsilon(1e-6));
+    const Chirp& chirp = console.firmware().running().value();
+    const RadarAxis axis = chirp.axis({});
+    CHECK(axis.count == bins);
+    CHECK(axis.step_m == Approx(step_m).epsilon(1e-6));
+    CHECK(axis.resolution_m == Approx(bins * axis.step_m / chirp.samples).epsilon(1e-12));
+    CHECK(chirp.antennas == 12);
+    const RadarOutputs& outputs = console.firmware().outputs();
+    CHECK((outputs.range_profile && outputs.stats && !outputs.objects && !outputs.heat_map));
+    if (bins == 64) CHECK(chirp.firmware_step_m() == 0.25);
   }
 }
 
@@ -161,10 +161,7 @@ TEST_CASE("the simulated radar starts, stops and restarts on command") {
 
 TEST_CASE("simulated radar firmware refuses a partial cfg between stop and start") {
   Console console;
-  configure(console);
-  console.send("sensorStart\n");
-  console.send("sensorStop\n");
-  console.firmware().between_frames();
+  start_and_stop(console);
   console.send("clutterRemoval -1 1\n");
   for (const char* start : {"sensorStart\n", "sensorStart 0\n"})
     CHECK_THAT(console.send(start), Catch::Contains("partial configuration between stop"));
@@ -175,10 +172,7 @@ TEST_CASE("simulated radar firmware refuses a partial cfg between stop and start
 
 TEST_CASE("changing the antennas after the first start crashes the simulated radar firmware") {
   Console console;
-  configure(console);
-  console.send("sensorStart\n");
-  console.send("sensorStop\n");
-  console.firmware().between_frames();
+  start_and_stop(console);
   configure(console);
   console.send("channelCfg 15 5 0\n");
   CHECK_THAT(console.send("sensorStart\n"), Catch::Contains("Exception: "));
@@ -204,14 +198,18 @@ TEST_CASE("simulated range profile codes of a strong echo and of noise match the
   power[0] = 0.25;
   const auto codes = range_profile_codes(power, mean_peak, 12, c, rng);
   CHECK(std::abs(codes[0] - 3648) <= 1);
-  // The expected noise consists of the noise common to a frame and a small part of the noise of
-  // each antenna.
-  double mean = 0;
-  for (std::size_t i = 1; i < codes.size(); ++i)
-    mean += radar::power_from_code(codes[i], 12) / static_cast<double>(codes.size() - 1);
+  // The expected noise consists of the noise common to a frame, which is exponentially distributed,
+  // and a small part of the noise of each antenna. The mean over n frames then has the noise of a
+  // simulated data set, rms / sqrt(n).
+  double mean = 0, squares = 0;
+  for (std::size_t i = 1; i < codes.size(); ++i) {
+    const double noise = radar::power_from_code(codes[i], 12) / std::pow(radar_gain, 2);
+    mean += noise / 3999, squares += noise * noise / 3999;
+  }
   const double own = radar_noise_power(c, mean_peak), rms = profile_noise(c, mean_peak, 1);
-  CHECK(std::abs(mean / std::pow(radar_gain, 2) - rms - own / 2) <
-        own / 2 + 5 * rms / std::sqrt(3999.0));
+  CHECK(std::abs(mean - rms - own / 2) < own / 2 + 5 * rms / std::sqrt(3999.0));
+  const double variance = squares - mean * mean;
+  CHECK(std::abs(variance - rms * rms) < 0.05 * rms * rms + 5 * std::sqrt(8 / 3999.0) * rms * rms);
 }
 
 TEST_CASE("simulated radar firmware measures the range bias with a parabola through the peak") {
