@@ -1,16 +1,20 @@
 // SPDX-License-Identifier: MIT
-// Laboratory in virtual time with its own folder, and functions that read its run.
+// Laboratory in virtual time with its own folder, functions that read its run, and a device behind
+// a bridge.
 #pragma once
 #include <fcntl.h>
 #include <spdlog/spdlog.h>
 #include <unistd.h>
 
+#include <chrono>
 #include <cstdio>
+#include <deque>
 
 #include "../fixtures/folder.hpp"
 #include "../fixtures/laboratory.hpp"
 #include "../fixtures/run.hpp"
 #include "drivers/util/exit_code.hpp"
+#include "sim/wire/encode.hpp"
 
 namespace echofuse::test {
 
@@ -89,5 +93,57 @@ inline sim::Fault fault(const char* device, sim::FaultKind kind, double at_s, do
 inline bool has(const Strings& all, const std::string& beginning) {
   return std::ranges::any_of(all, [&](auto& t) { return t.starts_with(beginning); });
 }
+
+// Device behind a bridge. Sends `hello` when a client connects, then calls `send_next` every 50 ms.
+class BridgedDevice {
+ public:
+  BridgedDevice(port::Loop& loop, std::string hello, std::function<void(BridgedDevice&)> send_next)
+      : hello_(std::move(hello)), send_next_(std::move(send_next)), timer_(loop), listener(loop) {
+    listener.start({.connected = [this] { begin(); },
+                    .left =
+                        [this] {
+                          timer_.cancel();
+                          listener.accept();
+                        }});
+    listener.accept();
+  }
+
+  // Connects the daemon to the device instead of the radar and the sensor with the setting
+  // `address`.
+  void attach(Bench& b, const std::string& address, Strings settings = {}) {
+    b.lab->loop.ports["bridge:tcp://device:1"] = listener.opener();
+    settings.insert(settings.end(),
+                    {"radar.cli=", "radar.data=", address + "=bridge:tcp://device:1"});
+    b.lab->set(settings, false);
+  }
+  std::uint32_t number() const { return number_; }  // number of the next block
+  void lose_block() { ++number_; }
+  // A damaged block has a wrong last byte.
+  void send(sim::BlockKind kind, const Bytes& payload, bool damaged = false) {
+    sent_.push_back(sim::bridge_block(kind, number_++, 0, payload));
+    if (damaged) sent_.back().back() ^= 1;
+    listener.write(sent_.back(), [](bool) {});
+  }
+
+ private:
+  void begin() {
+    number_ = 0;
+    send(sim::BlockKind::hello, {hello_.begin(), hello_.end()});
+    next();
+  }
+  void next() {
+    send_next_(*this);
+    timer_.after(std::chrono::milliseconds(50), [this] { next(); });
+  }
+
+  std::string hello_;
+  std::function<void(BridgedDevice&)> send_next_;
+  port::Timer timer_;
+  std::deque<Bytes> sent_;
+  std::uint32_t number_ = 0;
+
+ public:
+  MemoryListener listener;
+};
 
 }  // namespace echofuse::test

@@ -3,12 +3,11 @@
 // calibrate and doctor.
 
 #include "../drivers/sink.hpp"
-#include "../fixtures/keeper.hpp"
 #include "acquire/calibrate/calibrate.hpp"
 #include "acquire/config/calibration.hpp"
 #include "acquire/devices/device_check.hpp"
 #include "acquire/doctor/doctor.hpp"
-#include "bridged_device.hpp"
+#include "bench.hpp"
 
 using namespace echofuse::test;
 using namespace std::chrono_literals;
@@ -64,23 +63,21 @@ ExitCode calibrate(Laboratory& lab, bool check = false, acquire::CalibrateOption
 }  // namespace
 
 TEST_CASE("the radar is stopped after a run or a failed start unless radar.keep_running is set") {
+  const auto [setting, tagger, radiates] =
+      GENERATE(table<std::string, bool, bool>({{"radar.keep_running=false", true, false},
+                                               {"radar.keep_running=true", true, true},
+                                               {"tdc.policy=required", false, false}}));
+  CAPTURE(setting);
   Bench b;
-  SECTION("the radar is stopped after a run") {
+  b.lab->set({setting});
+  if (tagger) {
     b.record(2);
-    CHECK_FALSE(b.lab->radar_radiates());
-  }
-  SECTION("the radar remains on after a run if radar.keep_running is set") {
-    b.lab->set({"radar.keep_running=true"});
-    b.record(2);
-    CHECK(b.lab->radar_radiates());
-  }
-  SECTION("the radar is stopped after a failed start") {
+  } else {
     b.lab->loop.ports.erase(b.lab->config().tdc.address);
-    b.lab->set({"tdc.policy=required"});
     CHECK_THROWS_WITH(b.lab->record(b.run(2)), Catch::Contains("a required device"));
     b.lab->loop.run_for(1s);
-    CHECK_FALSE(b.lab->radar_radiates());
   }
+  CHECK(b.lab->radar_radiates() == radiates);
 }
 
 TEST_CASE("a radar that does not answer sensorStop causes a warning and a short delay") {
@@ -95,6 +92,8 @@ TEST_CASE("the calibrate command measures and stores offsets, and a run uses the
   Bench b(reflector());
   const std::string stored = b.folder / "calibration.toml";
   b.lab->set({"run.calibration=" + stored}, false);
+  CHECK_THROWS_WITH(calibrate(*b.lab, true),
+                    Catch::Contains("run.calibration contains nothing to compare with"));
   REQUIRE(calibrate(*b.lab) == ExitCode::ok);
   const acquire::Calibration measured = acquire::read_calibration(stored);
   b.lab->set({"run.calibration=" + stored});
@@ -193,10 +192,7 @@ TEST_CASE("a radar that is connected through a bridge is calibrated with its ran
   const std::string stored = b.folder / "c.toml";
   BridgedDevice device(b.lab->loop, R"({"model":"R","serial":"R1","firmware":"1"})",
                        echo_at(std::hypot(1, 0.5) + 0.021));
-  b.lab->loop.ports["bridge:tcp://radar:1"] = device.listener.opener();
-  b.lab->set({"radar.cli=", "radar.data=", "radar.address=bridge:tcp://radar:1",
-              "run.calibration=" + stored},
-             false);
+  device.attach(b, "radar.address", {"run.calibration=" + stored});
   acquire::CalibrateOptions options;
   options.only = Sensor::radar;
   REQUIRE(calibrate(*b.lab, false, options) == ExitCode::ok);
@@ -238,34 +234,6 @@ TEST_CASE("a failed calibration is not stored") {
   CHECK_FALSE(std::filesystem::exists(b.folder / "c.toml"));
 }
 
-TEST_CASE("a calibration of a counting board that sends histograms is not stored") {
-  Bench b(reflector());
-  BridgedDevice device(
-      b.lab->loop, R"({"model":"B","serial":"B1","firmware":"1","sends":"histograms"})",
-      [](BridgedDevice& board) {
-        const std::vector<std::uint32_t> counts(64, 9);
-        board.send(
-            sim::BlockKind::histogram,
-            sim::histogram_payload(counts, 64, 50'000 * board.number(), 5000, 0, 100, 50'000));
-      });
-  b.lab->loop.ports["bridge:tcp://board:1"] = device.listener.opener();
-  b.lab->set({"radar.cli=", "radar.data=", "tdc.address=bridge:tcp://board:1",
-              "run.calibration=" + b.folder / "c.toml"},
-             false);
-  ExitCode code{};
-  const std::string said = printed_by(b.folder / "said", [&] { code = calibrate(*b.lab); });
-  CHECK(code == ExitCode::device);
-  CHECK_THAT(said,
-             Catch::Contains("the sensor sends histograms; calibrate supports time taggers only"));
-  CHECK_FALSE(std::filesystem::exists(b.folder / "c.toml"));
-}
-
-TEST_CASE("a verification is refused if there is no calibration to verify") {
-  Bench b(reflector());
-  CHECK_THROWS_WITH(calibrate(*b.lab, true),
-                    Catch::Contains("run.calibration contains nothing to compare with"));
-}
-
 TEST_CASE("the doctor command reports a blocked laser with the same verdict as a run") {
   const auto said = [](double photons) {
     Bench b({.signal_photons = photons,
@@ -285,23 +253,23 @@ TEST_CASE("the doctor command reports a blocked laser with the same verdict as a
 
 TEST_CASE("doctor exits with the code of its first problem, and lists device problems first") {
   Bench b;
-  const auto examine = [&](std::optional<std::int64_t> count) {
+  const auto examine = [&](std::int64_t count) {
     acquire::DoctorOptions options;
     options.count = count;
     return acquire::examine(b.lab->config(), options, b.lab->loop);
   };
+  constexpr std::int64_t too_many = 1'000'000'000'000;
   b.lab->set({"run.folder=" + b.folder / ""});
+  SECTION("a missing radar determines the exit code of doctor even if the disk is also full") {
+    b.unplug_radar();
+  }
   SECTION("a detector fault determines the exit code of doctor even if the disk is also full") {
     b.lab->set({"radar.cli=", "radar.data="});
     CHECK(examine(40) == ExitCode::ok);
-    CHECK(examine(1'000'000'000'000) == ExitCode::disk);
+    CHECK(examine(too_many) == ExitCode::disk);
     b.lab->set({"tdc.start_channel=7"});
-    CHECK(examine(1'000'000'000'000) == ExitCode::device);
   }
-  SECTION("a missing radar determines the exit code of doctor even if the disk is also full") {
-    b.unplug_radar();
-    CHECK(examine(1'000'000'000'000) == ExitCode::device);
-  }
+  CHECK(examine(too_many) == ExitCode::device);
 }
 
 TEST_CASE("a reconnected bridge that sends no tags is not described by its closed connection") {
@@ -311,9 +279,7 @@ TEST_CASE("a reconnected bridge that sends no tags is not described by its close
                        [&](BridgedDevice& bridge) {
                          if (!std::exchange(left, true)) bridge.send(sim::BlockKind::bye, {});
                        });
-  b.lab->loop.ports["bridge:tcp://board:1"] = device.listener.opener();
-  b.lab->set({"radar.cli=", "radar.data=", "depth.address=", "tdc.address=bridge:tcp://board:1"},
-             false);
+  device.attach(b, "tdc.address", {"depth.address="});
   CHECK_THROWS_WITH(b.lab->record(b.run(1)), Catch::Contains("answers, but sends no tags"));
 }
 
@@ -344,9 +310,7 @@ TEST_CASE("run, doctor and devices state why the data of a bridge are not used")
   BridgedDevice device(b.lab->loop,
                        R"({"model":"B","serial":"B1","firmware":"1")" + row.hello + "}",
                        [&](BridgedDevice& bridge) { bridge.send(row.kind, row.payload); });
-  b.lab->loop.ports["bridge:tcp://board:1"] = device.listener.opener();
-  b.lab->set({"radar.cli=", "radar.data=", "depth.address=", "tdc.address=bridge:tcp://board:1"},
-             false);
+  device.attach(b, "tdc.address", {"depth.address="});
   CHECK_THROWS_WITH(b.lab->record(b.run(1)), Catch::Contains(row.reason));
   for (const std::string& said :
        {printed_by(b.folder / "said",

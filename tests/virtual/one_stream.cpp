@@ -6,7 +6,7 @@
 #include "acquire/calibrate/calibrate.hpp"
 #include "acquire/doctor/doctor.hpp"
 #include "acquire/import/import.hpp"
-#include "bridged_device.hpp"
+#include "bench.hpp"
 
 using namespace echofuse::test;
 using namespace std::chrono_literals;
@@ -34,7 +34,7 @@ class Tagger {
                 std::string(R"({"model":"T","serial":"T1","firmware":"1")") +
                     (fault.histograms ? R"(,"sends":"histograms"})" : "}"),
                 [this](BridgedDevice&) { next(); }) {}
-  auto opener() { return bridge_.listener.opener(); }
+  BridgedDevice& bridge() { return bridge_; }
 
  private:
   void next() {
@@ -86,19 +86,21 @@ TEST_CASE("run, import, doctor and calibrate find the same faults and counts in 
   CAPTURE(fault.name);
   Bench b({.window_s = 2});
   Tagger tagger(b.lab->loop, fault);
-  b.lab->loop.ports["bridge:tcp://tagger:1"] = tagger.opener();
-  b.lab->set({"radar.cli=", "radar.data=", "depth.address=", "tdc.first_bin_ps=0",
-              "tdc.bin_width_ps=100", "tdc.bins=336", "tdc.address=bridge:tcp://tagger:1",
-              "run.folder=" + b.folder / "", "run.calibration=" + b.folder / "c.toml"},
-             false);
+  tagger.bridge().attach(
+      b, "tdc.address",
+      {"depth.address=", "tdc.first_bin_ps=0", "tdc.bin_width_ps=100", "tdc.bins=336",
+       "run.folder=" + b.folder / "", "run.calibration=" + b.folder / "c.toml"});
 
   acquire::RunOptions options = b.run(3);
   options.keep_raw = b.folder / "raw";
   REQUIRE(b.lab->record(options) == ExitCode::ok);
   const auto records = b.records();
-  std::string events;
-  for (const std::string& text : b.events("spd")) events += text + "\n";
-  CHECK_THAT(events, Catch::Contains(fault.warning));
+  const auto check_warning = [&](const Strings& texts) {
+    CAPTURE(texts);
+    CHECK((std::string(fault.warning).empty() ||
+           std::ranges::any_of(texts, [&](auto& t) { return t.find(fault.warning) != t.npos; })));
+  };
+  check_warning(b.events("spd"));
   const record::FusedRecord& found = records.at(1);
   const double starts_hz = static_cast<double>(found.spd_counts.starts) / 2,
                clicks_hz = static_cast<double>(found.spd_counts.in_range) / 2;
@@ -121,9 +123,9 @@ TEST_CASE("run, import, doctor and calibrate find the same faults and counts in 
     CHECK(again.sync[Sensor::spd].lost == first.sync[Sensor::spd].lost);
     CHECK(again.sync[Sensor::spd].verdict == first.sync[Sensor::spd].verdict);
   }
-  std::string repeated;
-  for (const auto& event : imported.events()) repeated += event.text + "\n";
-  CHECK_THAT(repeated, Catch::Contains(fault.warning));
+  Strings repeated, findings;
+  for (const auto& event : imported.events()) repeated.push_back(event.text);
+  check_warning(repeated);
 
   const std::string said = printed_by(b.folder / "said", [&] {
     acquire::DoctorOptions doctor;
@@ -131,10 +133,9 @@ TEST_CASE("run, import, doctor and calibrate find the same faults and counts in 
     acquire::examine(b.lab->config(), doctor, b.lab->loop);
   });
   const nlohmann::json report = nlohmann::json::parse(said);
-  std::string findings;
   for (const auto& check : report["checks"]) {
     if (check["check"] != "spd") continue;
-    findings += check["found"].get<std::string>() + "\n";
+    findings.push_back(check["found"]);
     if (!check["facts"].contains("starts_per_s")) continue;
     // A slot of doctor contains up to two blocks of 40 more or less than a slot of the run.
     CHECK(check["facts"]["starts_per_s"].get<double>() == Approx(starts_hz).epsilon(0.2));
@@ -142,7 +143,7 @@ TEST_CASE("run, import, doctor and calibrate find the same faults and counts in 
     CHECK(check["facts"]["share_in_range"] == 1);
     CHECK((check["facts"]["lost_tags"] > 0) == (fault.lost + fault.bad > 0));
   }
-  CHECK_THAT(findings, Catch::Contains(fault.warning));
+  check_warning(findings);
 
   acquire::CalibrateOptions calibration;
   calibration.search = {.distance_m = true_m, .window_m = 0.3};
