@@ -51,14 +51,15 @@ void fuzz::run(ByteView input) {
   if (files.contains('t') && text_of(files.at('t')).find("base.sqlite") != std::string_view::npos)
     folder.write("base.sqlite", base());
   const std::string out = folder / "out.sqlite";
-  try {
-    const std::string lines = acquire::import_arrays(folder.path(), out, std::nullopt);
-    require(is_printable(lines, "\n"), "the summary can be printed");
-    check_run(out);
-  } catch (const Error& error) {
-    require(error.code() == ExitCode::failed || error.code() == ExitCode::config,
-            "a fault has the code of a file or of a configuration");
-    require_message(error, true);
-    require(!std::filesystem::exists(out), "a refused folder gives no run");
-  }
+  bool done = false;
+  refused_or_done(
+      {ExitCode::failed, ExitCode::config},
+      [&] {
+        const std::string lines = acquire::import_arrays(folder.path(), out, std::nullopt);
+        require(is_printable(lines, "\n"), "the summary can be printed");
+        check_run(out);
+        done = true;
+      },
+      true);
+  require(done == std::filesystem::exists(out), "a refused folder gives no run");
 }

@@ -2,7 +2,7 @@
 // Input: u8 kind, then the payload of a hello, tags, a depth frame, a histogram or a range profile.
 #include <cmath>
 
-#include "drivers/bridge/bridge_protocol.hpp"
+#include "drivers/bridge/bridge_writer.hpp"
 #include "fuzz.hpp"
 
 using namespace echofuse::bridge;
@@ -41,51 +41,31 @@ void tags(ByteView payload) {
 
 void depth(ByteView payload) {
   const auto read = read_depth(payload);
-  ByteReader in(payload);
-  const auto width = in.get<std::uint32_t>(), height = in.get<std::uint32_t>();
-  const auto time = in.get<std::uint64_t>();
-  const auto index = in.get<std::uint32_t>();
-  float axes[4];
-  for (float& value : axes) value = in.get<float>();
-  // The check keeps the number of pixels below 2^31, so that the product cannot overflow.
-  const bool fits = in.ok() && width && height && in.left() / 2 / width == height &&
-                    in.left() == std::uint64_t{width} * height * 2;
-  const auto lens = [&](std::size_t at, std::uint32_t count) {
-    const double start = axes[at], step = axes[at + 1];
-    return std::abs(start) <= 100 && std::abs(start + step * count) <= 100 &&
-           std::abs(step) >= 1e-6 && count <= max_depth_side;
-  };
-  require(static_cast<bool>(read) == (fits && lens(0, width) && lens(2, height)),
-          "a frame is accepted exactly if its size and axes are valid");
   if (!read) return;
   const DepthFrame& frame = read->frame;
-  require(frame.width == width && frame.height == height && frame.device_time_us == time &&
-              frame.frame_number == index && read->x.count == width && read->y.count == height,
-          "the frame has the header's values");
-  require(std::ranges::equal(as_bytes(frame.depth_mm), in.take(in.left())),
-          "the frame has the payload's pixels");
+  require(depth_payload(frame, read->x, read->y) == Bytes(payload.begin(), payload.end()),
+          "the frame has the header's values and the payload's pixels");
+  for (const Axis& axis : {read->x, read->y})
+    require(std::abs(axis.start) <= 100 && std::abs(axis.at(axis.count)) <= 101 &&
+                std::abs(axis.step) >= 1e-6 && axis.count <= max_depth_side,
+            "the axes are those of a lens");
 }
 
 void histogram(ByteView payload) {
   const auto read = read_histogram(payload);
-  ByteReader in(payload);
-  const std::uint64_t zones = in.get<std::uint32_t>(), bins = in.get<std::uint32_t>();
-  const auto time = in.get<std::uint64_t>(), pulses = in.get<std::uint64_t>();
-  const auto start = in.get<double>(), width = in.get<double>();
-  const auto exposure = in.get<std::uint32_t>();
-  const bool fits = in.ok() && zones >= 1 && zones <= 64 && bins >= 1 && exposure > 0 &&
-                    in.left() == 4 * zones * bins && pulses <= max_dropped_items &&
-                    std::abs(start) <= 1e12 && width >= 1e-3 && width <= 1e9;
-  require(static_cast<bool>(read) == fits,
-          "a histogram is accepted exactly if its size and axis are valid");
   if (!read) return;
   const HistogramFrame& frame = read->frame;
-  require(frame.zones == zones && frame.device_time_us == time && frame.pulses == pulses &&
-              frame.exposure_us == exposure && read->axis.count == bins &&
-              read->axis.start == start && read->axis.step == width,
-          "the histogram has the header's values");
-  require(std::ranges::equal(as_bytes(frame.counts), in.take(in.left())),
-          "the histogram has the payload's counts");
+  Bytes again;
+  put(again, frame.zones), put(again, read->axis.count), put(again, frame.device_time_us);
+  put(again, frame.pulses), put(again, read->axis.start), put(again, read->axis.step);
+  put(again, frame.exposure_us);
+  const ByteView counts = as_bytes(frame.counts);
+  again.insert(again.end(), counts.begin(), counts.end());
+  require(std::ranges::equal(again, payload), "the histogram has the values of the payload");
+  require(frame.zones >= 1 && frame.zones <= 64 && read->axis.count >= 1 && frame.exposure_us > 0 &&
+              frame.pulses <= max_dropped_items && std::abs(read->axis.start) <= 1e12 &&
+              read->axis.step >= 1e-3 && read->axis.step <= 1e9,
+          "its size and its axis are valid");
 }
 
 void profile(ByteView payload) {

@@ -37,12 +37,8 @@ void check_calibration(const fuzz::Folder& folder) {
 
 void fuzz::run(ByteView input) {
   static const Folder folder;
-  folder.clear();
-  for (const auto& [letter, bytes] : files_of(input)) {
-    if (letter == 'l') folder.write("lab.toml", bytes);
-    if (letter == 'c') folder.write("calibration.toml", bytes);
-    if (letter == 'r') folder.write("radar.cfg", bytes);
-  }
+  write_files(folder, files_of(input),
+              {{'l', "lab.toml"}, {'c', "calibration.toml"}, {'r', "radar.cfg"}});
   refused_or_done(
       {ExitCode::config}, [] { check_calibration(folder); }, true);
   refused_or_done(

@@ -4,11 +4,9 @@
 #include <array>
 #include <filesystem>
 #include <fstream>
-#include <initializer_list>
 #include <map>
 #include <utility>
 
-#include "drivers/util/exit_code.hpp"
 #include "drivers/util/npy.hpp"
 #include "fuzz.hpp"
 
@@ -56,6 +54,15 @@ inline std::map<char, ByteView> files_of(ByteView input) {
   return out;
 }
 
+// Replaces the contents of the folder with the files that `names` lists by their letters.
+using FileNames = std::initializer_list<std::pair<char, const char*>>;
+inline void write_files(const Folder& folder, const std::map<char, ByteView>& files,
+                        FileNames names) {
+  folder.clear();
+  for (const auto& [letter, name] : names)
+    if (files.contains(letter)) folder.write(name, files.at(letter));
+}
+
 // Returns a valid .npy file. The recipe begins with the type, the number of dimensions and the size
 // of each dimension, each stored as a u8. The remaining bytes are repeated or truncated to fill the
 // array.
@@ -78,25 +85,6 @@ inline Bytes npy_of(ByteView recipe) {
   for (std::size_t i = 0; i < values * static_cast<std::size_t>(bytes[type]); ++i)
     out.push_back(given.empty() ? std::uint8_t{0} : given[i % given.size()]);
   return out;
-}
-
-// Checks that the error message is printable. The message must be a single line unless `lines` is
-// true.
-inline void require_message(const Error& error, bool lines = false) {
-  require(*error.what() != '\0' && is_printable(error.what(), lines ? "\n" : ""),
-          "a fault can be printed");
-}
-
-// Runs `body`. If `body` throws an Error, its code must be one of `codes`. The message must be a
-// single line unless `lines` is true.
-template <class Body>
-void refused_or_done(std::initializer_list<ExitCode> codes, Body body, bool lines = false) {
-  try {
-    body();
-  } catch (const Error& error) {
-    require(std::ranges::find(codes, error.code()) != codes.end(), "a fault has an expected code");
-    require_message(error, lines);
-  }
 }
 
 }  // namespace echofuse::fuzz

@@ -6,10 +6,12 @@
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
+#include <initializer_list>
 #include <string>
 #include <string_view>
 
 #include "drivers/core/bytes.hpp"
+#include "drivers/util/exit_code.hpp"
 
 namespace echofuse::fuzz {
 
@@ -53,6 +55,33 @@ inline void require_faults(std::string_view faults, std::string_view begin) {
   for (; !faults.empty(); faults.remove_prefix(std::min(faults.find('\n'), faults.size() - 1) + 1))
     require(faults.starts_with(begin) || faults.starts_with("there are more errors"),
             "each line is one fault with its position");
+}
+
+// Runs `body`. If `body` throws an Error, its code must be one of `codes`, and its message must be
+// printable. The message must be a single line unless `lines` is true.
+template <class Body>
+void refused_or_done(std::initializer_list<ExitCode> codes, Body body, bool lines = false) {
+  try {
+    body();
+  } catch (const Error& error) {
+    require(std::ranges::find(codes, error.code()) != codes.end(), "a fault has an expected code");
+    require(*error.what() != '\0' && is_printable(error.what(), lines ? "\n" : ""),
+            "a fault can be printed");
+  }
+}
+
+// Runs `body`. If `body` throws an Error, it must be a fault of a configuration in which each line
+// begins with `begin`. Returns the faults.
+template <class Body>
+std::string faults_by(std::string_view begin, Body body) {
+  try {
+    body();
+  } catch (const Error& error) {
+    require(error.code() == ExitCode::config, "a fault has the code of a configuration");
+    require_faults(error.what(), begin);
+    return error.what();
+  }
+  return {};
 }
 
 }  // namespace echofuse::fuzz

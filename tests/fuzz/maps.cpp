@@ -55,19 +55,17 @@ void check_maps(const std::string& folder) {
 
 void fuzz::run(ByteView input) {
   static const Folder folder;
-  folder.clear();
   const auto files = files_of(input);
-  for (const auto& [letter, bytes] : files) {
-    if (letter == 'm') folder.write("maps.npy", bytes);
-    if (letter == 'M') folder.write("maps.npy", npy_of(bytes));
-    if (letter == 'c') folder.write("records.csv", bytes);
-    if (letter == 'j') folder.write("camera.json", bytes);
-    if (letter == 't') folder.write("run.txt", bytes);
-    if (letter == 'p') folder.write("000003_mm.png", bytes);
-    if (letter == 'P') folder.write("000001.png", png_of(bytes));
-    if (letter == 's') folder.write("scores.csv", bytes);
-    if (letter == 'z') check_inflated(bytes);
-  }
+  write_files(folder, files,
+              {{'m', "maps.npy"},
+               {'c', "records.csv"},
+               {'j', "camera.json"},
+               {'t', "run.txt"},
+               {'p', "000003_mm.png"},
+               {'s', "scores.csv"}});
+  if (files.contains('M')) folder.write("maps.npy", npy_of(files.at('M')));
+  if (files.contains('P')) folder.write("000001.png", png_of(files.at('P')));
+  if (files.contains('z')) check_inflated(files.at('z'));
   refused_or_done({ExitCode::failed}, [] { check_maps(folder.path()); });
   if (!files.contains('s')) return;
   refused_or_done({ExitCode::failed}, [] {

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
 // Input: a byte for the kind of file, then the file. The kind is 's' for a list of scenes, 'f' for
-// a schedule of faults, 't' for a twin, and any other byte for the simulator's settings.
+// a schedule of faults, 't' for a twin, '=' for a key=value assignment of the command line, and any
+// other byte for the simulator's settings.
 #include <cmath>
 
-#include "drivers/util/exit_code.hpp"
 #include "drivers/util/settings.hpp"
 #include "fuzz.hpp"
 #include "sim/dataset/generator.hpp"
@@ -35,14 +35,21 @@ void read_a_twin(const std::string& text) {
   for (const std::int64_t laboratory : {0, 7}) sim::conditions_of(twin, laboratory, {});
 }
 
-void read_settings(const std::string& text) {
+void read_settings(const std::string& text, bool assignment) {
   sim::Plan plan;
   Settings settings;
   bind(settings, plan);
-  settings.read_text(text, "x.toml");
+  assignment ? settings.set(text) : settings.read_text(text, "x.toml");
   const std::string resolved = settings.resolved(true);
-  settings.read_text(resolved, "resolved");
-  require(settings.resolved(true) == resolved, "resolved settings read back unchanged");
+  const std::string shown = settings.with_origins();
+  // An error here ends the target, because resolved settings must be readable.
+  for (const std::string& written : {resolved, shown}) {
+    sim::Plan other;
+    Settings again;
+    bind(again, other);
+    again.read_text(written, "resolved");
+    require(again.resolved(true) == resolved, "settings read back unchanged");
+  }
 }
 
 }  // namespace
@@ -50,13 +57,11 @@ void read_settings(const std::string& text) {
 void fuzz::run(ByteView input) {
   if (input.empty()) return;
   const std::string text(text_of(input.subspan(1)));
-  try {
+  const bool assignment = input[0] == '=';
+  faults_by(assignment ? "--set " : "x.toml:", [&] {
     if (input[0] == 's') return read_scenes(text);
     if (input[0] == 'f') return read_faults(text);
     if (input[0] == 't') return read_a_twin(text);
-    read_settings(text);
-  } catch (const Error& error) {
-    require(error.code() == ExitCode::config, "a fault has the code of a configuration");
-    require_faults(error.what(), "x.toml:");
-  }
+    read_settings(text, assignment);
+  });
 }
