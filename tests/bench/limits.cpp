@@ -3,7 +3,6 @@
 
 #include <cstdint>
 #include <cstdio>
-#include <cstring>
 #include <vector>
 
 #undef HWY_TARGET_INCLUDE
@@ -86,14 +85,6 @@ double bytes_read_per_s(std::size_t of) {
   });
   kept = sum;
   return static_cast<double>(of * times) / s;
-}
-
-double bytes_copied_per_s(std::size_t of) {
-  const std::vector<std::uint8_t> from(of, 1);
-  std::vector<std::uint8_t> to(of);
-  const double s = best_s(10, [&] { std::memcpy(to.data(), from.data(), of); });
-  kept = to[of / 2];
-  return static_cast<double>(of) / s;
 }
 
 void print_row(const char* path, const char* unit, double ours, double limit, const char* of_what) {

@@ -31,7 +31,6 @@ const char* instructions();    // name of the vector instruction set
 double multiply_adds_per_s();  // rate in single precision, with all operands in registers
 // Returns the rate of repeated reads from the same memory block. `of` is its size in bytes.
 double bytes_read_per_s(std::size_t of);
-double bytes_copied_per_s(std::size_t of);
 
 // Prints the value measured for echofuse by one benchmark, and the limit of the machine. If the
 // unit contains "/s", both values are rates; otherwise, they are times. The limit 0 means "no

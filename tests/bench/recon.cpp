@@ -73,9 +73,8 @@ int main(int argc, char** argv) {
   set_threads(1);
   constexpr std::size_t large = std::size_t{1} << 28;
   const double max_per_s = multiply_adds_per_s(), read_per_s = bytes_read_per_s(large);
-  std::printf("this machine, one thread (%s): %.0f GFLOP/s, reads %.1f GB/s, copies %.1f GB/s\n",
-              instructions(), 2e-9 * max_per_s, 1e-9 * read_per_s,
-              1e-9 * bytes_copied_per_s(large));
+  std::printf("this machine, one thread (%s): %.0f GFLOP/s, reads %.1f GB/s\n", instructions(),
+              2e-9 * max_per_s, 1e-9 * read_per_s);
   std::printf("matrix kernels: %s (%s)\n", blas_kernels().c_str(), blas_instructions().c_str());
   Dataset data;
   const double loading = 1e6 * best_s(3, [&] { data = load({argv[1]}); });

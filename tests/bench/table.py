@@ -222,7 +222,6 @@ def main():
     to_maps(recon, model, recorded, options.scratch)
     torch()
     run(bench / "bench_tags")
-    run(bench / "bench_radar_parser")
     numpy.seterr(all="ignore")  # rays that hit nothing
     scenes(bench / "bench_scenes")
     print_table()

@@ -13,12 +13,10 @@
 
 #include "acquire/intake/tag_check.hpp"
 #include "drivers/bridge/bridge_protocol.hpp"
+#include "drivers/bridge/bridge_writer.hpp"
 #include "drivers/core/crc32c.hpp"
 #include "drivers/core/random.hpp"
 #include "limits.hpp"
-#ifdef ECHOFUSE_LIBTCSPC
-#include "libtcspc.hpp"
-#endif
 
 using namespace echofuse;
 
@@ -47,17 +45,9 @@ Bytes make_blocks(const std::vector<Tag>& tags) {
   const ByteView all = as_bytes(tags);
   constexpr std::size_t size = tags_a_block * sizeof(Tag);
   for (std::uint32_t i = 0; i < count / tags_a_block; ++i) {
-    const std::size_t begin = out.size();
-    for (const char c : {'E', 'F', 'B', 'R'}) out.push_back(static_cast<std::uint8_t>(c));
-    put(out, bridge::protocol_version);
-    put(out, std::uint16_t{1});
-    put(out, i);
-    put(out, static_cast<std::uint32_t>(size));
-    put(out, std::uint64_t{0});
-    put(out, std::uint32_t{0});
-    const ByteView payload = all.subspan(i * size, size);
-    put(out, crc32c(payload, crc32c(ByteView(out).subspan(begin))));
-    out.insert(out.end(), payload.begin(), payload.end());
+    const Bytes block =
+        bridge::make_block(bridge::BlockKind::tags, i, 0, all.subspan(i * size, size));
+    out.insert(out.end(), block.begin(), block.end());
   }
   return out;
 }
@@ -134,11 +124,6 @@ bool histograms(const char* stream, bool random) {
   with(HWY_SCALAR, "tag by tag");
   std::vector<std::uint32_t> bins(336);
   rows.push_back({"plain loop, nothing counted", [&] { naive(tags, bins); }});
-#ifdef ECHOFUSE_LIBTCSPC
-  rows.push_back({"libtcspc", [&] {
-                    equal = equal && bench::libtcspc_histogram(tags, {}) == expected.counts();
-                  }});
-#endif
   std::uint64_t sum = 0;
   rows.push_back({"reading the tags", [&] { sum += read(tags); }});
   measure(rows);
