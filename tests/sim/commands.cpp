@@ -50,19 +50,6 @@ TEST_CASE("echofuse-sim lab returns the exit code of the command that it runs") 
   CHECK(has(o.text, "no-such-program: cannot start"));
 }
 
-TEST_CASE("echofuse-sim lab unplugs and reconnects devices while its command runs") {
-  const Folder folder;
-  std::ofstream faults(folder / "faults.toml");
-  for (const char* device : {"tdc", "radar", "depth"})
-    faults << "[[fault]]\ndevice = \"" << device
-           << "\"\nkind = \"unplug\"\nat_s = 0.2\nfor_s = 0.2\n";
-  faults.close();
-  const Outcome o =
-      sim("lab --dir " + folder / "lab" + " --faults " + folder / "faults.toml" + " -- sleep 0.8");
-  CAPTURE(o.text);
-  CHECK(o.code == 0);
-}
-
 TEST_CASE("the option --set accepts scene lists and object files") {
   const Folder folder;
   std::ofstream(folder / "list.toml") << "[[scene]]\nkind = \"object\"\ncount = 2\n";

@@ -7,9 +7,9 @@
 
 using namespace echofuse::sim;
 
-TEST_CASE("depth camera noise is Gaussian, and its width grows with the square of the distance") {
+TEST_CASE("depth camera noise is Gaussian, grows with the square of the distance, and has a bias") {
   Conditions c;
-  c.depth_noise_m = 0.002;
+  c.depth_noise_m = 0.002, c.depth_offset_m = 0.05;
   Rng rng = make_rng(1, 1);
   constexpr std::size_t n = 200'000;
   for (const int mm : {1000, 2000, 4000}) {
@@ -21,8 +21,9 @@ TEST_CASE("depth camera noise is Gaussian, and its width grows with the square o
     const double variance = std::pow(2 * z_m * z_m, 2) + 1.0 / 12;
     double sum = 0, squares = 0;
     for (const auto seen : frame) {
-      sum += seen - mm;
-      squares += (seen - mm) * (seen - mm);
+      const double error_mm = seen - mm - 50;
+      sum += error_mm;
+      squares += error_mm * error_mm;
     }
     CHECK(std::abs(sum) < 4.5 * std::sqrt(n * variance));
     CHECK(std::abs(squares - n * variance) < 4.5 * std::sqrt(2.0 * n) * variance);

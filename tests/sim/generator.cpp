@@ -128,6 +128,24 @@ TEST_CASE("a simulated data set has depth maps of the requested size and field o
   CHECK(map_grid(plan.conditions) == record::MapGrid{128, 0.275});
 }
 
+TEST_CASE("the records of an empty room differ by noise of the set power only") {
+  Plan plan;
+  plan.people = plan.letters = 0, plan.empty = 40;
+  plan.conditions.background_counts = 5000;
+  const Generator generator(plan);
+  double squares = 0, photons = 0;
+  for (std::int64_t i = 0; i < 40; ++i) {
+    const auto r = generator.make(i);
+    for (const float p : power(r)) squares += double{p} * p / 40 / 29;
+    photons += static_cast<double>(r.spd_counts.in_range) / 40;
+    CHECK((i == 0 || counts(r) != counts(generator.make(i - 1))));
+  }
+  const double noise = radar_noise_power(
+      plan.conditions, mean_peak_power(radar_response(plan.conditions), plan.conditions));
+  CHECK(std::sqrt(squares) == Approx(noise).epsilon(4.5 / std::sqrt(2 * 40 * 29)));
+  CHECK(photons == Approx(5000).epsilon(4.5 / std::sqrt(40 * 5000)));
+}
+
 TEST_CASE("the scene kinds in a data set are shuffled in an order that depends only on the seed") {
   Plan plan = small_plan();
   const auto kinds = scenes_of(plan);

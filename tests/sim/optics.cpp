@@ -199,31 +199,3 @@ TEST_CASE(
   CHECK(std::abs(s.chi2_per_bin - 1) <
         4.5 * std::sqrt((spread + 2 * odds * odds) / row.draws) / static_cast<double>(rate.size()));
 }
-
-TEST_CASE("a free-running detector with dead time tau counts at the rate r / (1 + r tau)") {
-  Conditions c;
-  c.bins = 300;
-  c.first_bin_ps = 0;
-  // The histogram covers the complete pulse period of 30 ns.
-  c.pulses_per_window = 100'000'000;
-  c.signal_photons = 0;
-  c.background_counts = 1e5;
-  const auto rate = spd_rate({}, c);
-  constexpr int draws = 60;
-  for (const double tau_us : {1.0, 10.0, 100.0}) {
-    c.spd_dead_time_ps = 1e6 * tau_us;
-    const double blind = 1e-6 * tau_us * c.background_counts / c.window_s;
-    Rng rng = make_rng(9, 9);
-    double sum = 0;
-    for (int d = 0; d < draws; ++d)
-      for (const auto n : draw_counts(rate, c, rng)) sum += n;
-    // The detector is a renewal process with rate r and dead time tau, and is ready at the start.
-    // The intervals have mean m = tau + 1/r and variance 1/r^2, except that the first interval has
-    // mean 1/r. The number of events in a time t has mean t/m + (1/r^2 + m^2) / (2 m^2) - 1 / (r m)
-    // and variance t / (r^2 m^3).
-    const double m = 1 + blind;  // mean interval in units of 1/r
-    const double mean = draws * (c.background_counts / m + (1 + m * m) / (2 * m * m) - 1 / m);
-    CAPTURE(tau_us, sum, mean);
-    CHECK(std::abs(sum - mean) < 4.5 * std::sqrt(draws * c.background_counts / (m * m * m)));
-  }
-}

@@ -7,17 +7,25 @@
 #include "../fixtures/record.hpp"
 #include "scenes.hpp"
 #include "sim/dataset/generator.hpp"
-#include "sim/sensors/depth_camera.hpp"
 #include "sim/sensors/radar_echo.hpp"
 
 using namespace echofuse::sim;
 using namespace echofuse::test;
 
-TEST_CASE("each parameter range of the default digital twin contains the base value") {
+TEST_CASE("settings have plausible ranges, and those of the default twin contain the base value") {
   Conditions conditions;
   Settings settings;
   bind(settings, conditions);
   const auto base = nlohmann::json::parse(settings.json())["settings"];
+  CHECK(base.size() == 89);
+  for (const auto& [key, setting] : base.items()) {
+    if (!setting.contains("min")) continue;
+    CAPTURE(key);
+    const double low = setting["min"], high = setting["max"], value = setting["value"];
+    CHECK(low < high);
+    CHECK(value >= low);
+    CHECK(value <= high);
+  }
   const Twin twin = twin_named("default");
   CHECK(twin.ranges.size() > 40);
   for (const KeyRange& r : twin.ranges) {
@@ -191,13 +199,4 @@ TEST_CASE("bodies and letter plates have the sizes and angles that their laborat
   CHECK(p.v.y > std::cos(0.5));
   CHECK(p.v.y < 1);
   CHECK(p.strokes[0].width_m == Approx(1.2 * base.plates[0].strokes[0].width_m));
-}
-
-TEST_CASE("the simulated depth camera adds the range bias of its laboratory") {
-  Conditions c;
-  c.depth_offset_m = 0.05;
-  Rng rng(1);
-  std::vector<std::uint16_t> mm(320 * 240, 3000);
-  disturb_depth(mm, 320, c, rng);
-  CHECK(mm[100] == 3050);
 }
