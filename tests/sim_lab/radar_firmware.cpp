@@ -69,12 +69,18 @@ TEST_CASE("simulated radar firmware sends a banner and a prompt at power-up") {
 
 TEST_CASE("simulated radar firmware answers a command with an echo, a reply and a prompt") {
   Console console;
-  const std::string unknown = "is not recognized as a CLI command\n\r";
+  const std::string unknown = "is not recognized as a CLI command\n\r",
+                    ignored =
+                        "Ignored: noise profile and Doppler heat map are not simulated\n\r"
+                        "Done\n\r";
   // The firmware echoes a carriage return twice and treats it as a line feed, so CR LF causes a
   // second prompt. A tab does not separate words.
   for (const auto& [sent, reply] :
        {std::pair<std::string, std::string>{"\n", ""},
         {"flushCfg\n", "Done\n\r"},
+        {"guiMonitor -1 0 1 1 0 0 1\n", ignored},
+        {"guiMonitor -1 0 1 0 0 1 1\n", ignored},
+        {"guiMonitor -1 1 1 0 1 0 1\n", "Done\n\r"},
         {"flushCfg\r\n", "Done\n\rmmwDemo:/>\n"},
         {"% a comment\n", "Skipped\n\r"},
         {"sensorSTART\n", "'sensorSTART' " + unknown},

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Tests the two ports of the simulated radar without the radar driver.
+#include <map>
+
 #include "../drivers/parsed_frames.hpp"
 #include "../drivers/sink.hpp"
 #include "drivers/port/virtual_loop.hpp"
@@ -133,6 +135,14 @@ TEST_CASE("after sensorStart the simulated radar sends one frame of the scene pe
     ++compared;
   }
   CHECK(compared >= 2);
+
+  const auto sent = board.board->sent();
+  const std::map<std::string, std::uint64_t> counts(sent.begin(), sent.end());
+  CHECK(counts.at("frames") == 20);
+  CHECK(counts.at("data_bytes") == 20 * 256);
+  CHECK(counts.at("radiates") == 1);
+  for (const char* none : {"frames_skipped", "data_bytes_lost", "cli_bytes_lost"})
+    CHECK(counts.at(none) == 0);
 
   CHECK(board.command("sensorStop") == "sensorStop\nDone\n\rmmwDemo:/>");
   board.loop.run_for(50ms);

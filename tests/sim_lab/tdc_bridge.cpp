@@ -256,6 +256,8 @@ TEST_CASE("a fault of the simulated tagger changes its stream only while the fau
     const double middle_s = static_cast<double>(second) + (offset ? 1 : 0.5);
     if (row.blocks[1] == 200) CHECK(sum_s / photons == Approx(middle_s).margin(0.02));
   }
+  CHECK(tagger->sent().front() == std::pair<std::string, std::uint64_t>("clients", 1));
+  CHECK(tagger->sent().back() == std::pair<std::string, std::uint64_t>("dropped", 0));
   tagger->stop();
   loop.run_for(1s);
 }
