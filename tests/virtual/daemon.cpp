@@ -1,16 +1,12 @@
 // SPDX-License-Identifier: MIT
 // Tests events and records of a run with devices that connect, disconnect and fail, in virtual
 // time.
-#include <sys/wait.h>
-
-#include <csignal>
 #include <map>
 #include <set>
 
 #include "../fixtures/error.hpp"
 #include "acquire/import/import.hpp"
 #include "bench.hpp"
-#include "drivers/util/console.hpp"
 
 using namespace echofuse::test;
 using sim::FaultKind;
@@ -178,24 +174,6 @@ TEST_CASE("the option --countdown of the run command delays the first slot") {
     return b.records().at(0).slot_start;
   };
   CHECK(first(5) - first(0) == std::chrono::seconds(5));
-}
-
-TEST_CASE("a run interrupted before its first slot leaves no file") {
-  Bench b;
-  // The signals are sent to a child process, because a process never resets its count of received
-  // signals.
-  const pid_t child = fork();
-  REQUIRE(child >= 0);
-  if (child == 0) {
-    catch_interrupts();
-    auto run = b.run(4);
-    run.opened = [](const std::string&) { std::raise(SIGTERM); };
-    ::_exit(static_cast<int>(error_of([&] { b.lab->record(run); }).first));
-  }
-  int status = 0;
-  REQUIRE(waitpid(child, &status, 0) == child);
-  CHECK(WEXITSTATUS(status) == static_cast<int>(ExitCode::interrupted));
-  CHECK_FALSE(std::filesystem::exists(b.run(4).out));
 }
 
 TEST_CASE("a weak laser is reported once and counted in each record") {
