@@ -7,10 +7,11 @@ import os
 import re
 import subprocess
 
-from case import Case, bin_dir, main
+from case import Case, bin_dir, main, source
 import fixtures
 
-RECORDS = "SELECT idx, slot_start_ns, closed_late_s, valid, tags, in_range, spd_verdict, radar_verdict, radar_used, spd, radar, depth FROM record"
+RECORDS = """SELECT idx, slot_start_ns, closed_late_s, valid, tags, in_range, spd_verdict, radar_verdict, radar_used, spd, radar,
+             depth, array_frames, array FROM record"""
 # Totals of received data are excluded, because a live run continues to read until its file is closed.
 COUNTERS = """SELECT source, name, value FROM counter WHERE source IN ('spd', 'radar') AND name NOT IN
               ('bytes', 'blocks', 'frames', 'frame_bytes', 'range_profiles', 'arrays', 'tags', 'outside')"""
@@ -38,7 +39,8 @@ class Raw(Case):
         (self.dir / "faults.toml").write_text(FAULTS)
         # The run is paused for several slots, as on a busy machine: its slots are closed late, after their deadlines.
         paused = "sh", "-c", '"$@" & sleep 5; kill -STOP $!; sleep 1.5; kill -CONT $!; wait $!', "sh"
-        log = self.record(20, 0.4, *paused, options=("--window", 0.4, "--scene", "mixed", "--faults", self.dir / "faults.toml"))
+        log = self.record(20, 0.4, *paused, options=("--window", 0.4, "--scene", "mixed", "--faults", self.dir / "faults.toml", "--radar-cfg",
+                                                       source / "config/radar/xwr68xx_azimuth_50cm.cfg", "--set", "radar_sum=coherent"))
         self.assertIn(f"raw: {sum(f.stat().st_size for f in self.raw.iterdir())} bytes recorded in {self.raw}, 0 not recorded", log)
         said = b"".join(f.read_bytes() for f in sorted(self.raw.glob("radar-cli-*.txt")))
         self.assertIn(b"sensorStart", said)
@@ -50,6 +52,8 @@ class Raw(Case):
         counted = {row[:2]: row[2] for row in fixtures.query(self.run, COUNTERS)}
         self.assertGreater(counted["spd", "bad_crcs"], 0, log)
         self.assertGreater(counted["radar", "junk_bytes"], 0)
+        frames, = fixtures.query(self.run, "SELECT sum(array_frames), sum(radar_used) FROM record WHERE array IS NOT NULL")
+        self.assertEqual(frames[0], frames[1])
         # An import does not start the alert program that the stored configuration names.
         kept, called = self.raw / "lab.toml", self.dir / "called"
         kept.write_text(kept.read_text().replace("on_doubt = []", f'on_doubt = ["/usr/bin/touch", "{called}"]'))
