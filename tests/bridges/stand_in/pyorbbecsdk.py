@@ -1,19 +1,15 @@
 # SPDX-License-Identifier: MIT
 """Stand-in for Orbbec's Python SDK (version 2) with the functions that the bridge calls.
 
-Pixel i of frame n has the value 500 + (7 n + 3 i) % 5000, in units of `scale` mm.
-
 Names and numbers of arguments are those in the vendor's stub (orbbec/pyorbbecsdk, stubs/pyorbbecsdk.pyi at 9fcf324).
 Functions that were added in version 2 are those in the bindings of version 2 (src/pyorbbecsdk/stream_profile.cpp). As in
 releases of version 2, get_camera_param() returns zeros while the colour stream is off (issues 56 and 103 of the SDK).
-STAND_IN_INTRINSICS=zero or nan sets the intrinsics of the depth profile. STAND_IN_INTRINSICS=none removes them, as in
-version 1."""
-import os
+The depth unit STAND_IN_SCALE is in mm. STAND_IN_INTRINSICS=zero, nan or wide (another image size) sets the intrinsics of the
+depth profile, fails makes the SDK refuse them, and none removes them, as in version 1. See recorder.py for other settings."""
 import time
 import types
 
-import numpy as np
-from recorder import called, complete, constant, happen
+from recorder import called, complete, constant, happen, lacks, setting, values
 
 PUBLISHED = """
 Context: query_devices(0)
@@ -34,19 +30,11 @@ OBFormat = types.SimpleNamespace(Y16="y16")
 OBPropertyID = types.SimpleNamespace(OB_PROP_DEPTH_MIRROR_BOOL="mirror", OB_PROP_LASER_BOOL="laser",
                                      OB_PROP_LASER_CONTROL_INT="laser control")
 OBPermissionType = types.SimpleNamespace(PERMISSION_WRITE="write")
-silent = False       # True: the camera sends no frames
-supported = {"mirror", "laser"}  # properties that the camera supports
-presets = ["Default", "High Accuracy"]
-depth_modes = ["Unbinned Dense Default", "Binned Sparse Default"]
-skip = 0             # number of frames to skip before the next frame
-scale = 1.0          # depth unit of the frames, mm
-intrinsics = os.environ.get("STAND_IN_INTRINSICS", "")
+PRESETS = ["Default", "High Accuracy"]
+DEPTH_MODES = ["Unbinned Dense Default", "Binned Sparse Default"]
+SERIALS = ["STAND-IN-2", "STAND-IN-4"]
 camera = types.SimpleNamespace(fx=50.0, fy=50.0, cx=31.5, cy=31.5, width=64, height=64)
 distortion = types.SimpleNamespace(k1=0.0, k2=0.0, k3=0.0, k4=0.0, k5=0.0, k6=0.0, p1=0.0, p2=0.0)
-
-
-def values(index, pixels):
-    return (500 + (7 * index + 3 * np.arange(pixels)) % 5000).astype("<u2")
 
 
 class DepthFrame:
@@ -59,7 +47,7 @@ class DepthFrame:
         return self._index
 
     def get_depth_scale(self):
-        return scale
+        return float(setting("SCALE", 1))
 
     def get_timestamp_us(self):
         return 1_000_000 + 66_667 * self._index
@@ -75,10 +63,11 @@ class VideoStreamProfile:
         self.mode = mode
 
     def get_intrinsic(self):
-        if intrinsics not in ("zero", "nan"):
-            return camera
-        value = 0.0 if intrinsics == "zero" else float("nan")
-        return types.SimpleNamespace(**vars(camera) | dict.fromkeys(("fx", "fy", "cx", "cy"), value))
+        fault = setting("INTRINSICS")
+        if fault == "fails":
+            raise RuntimeError("Can not find matched camera param!")
+        changes = {"zero": {"fx": 0.0, "fy": 0.0}, "nan": {"cx": float("nan")}, "wide": {"width": 128}}
+        return types.SimpleNamespace(**vars(camera) | changes.get(fault, {}))
 
 
 class StreamProfileList:
@@ -86,7 +75,7 @@ class StreamProfileList:
         if (width, height) != (camera.width, camera.height):
             raise RuntimeError("Invalid input, no matched video stream profile found!")
         mode = width, height, format, fps
-        return types.SimpleNamespace(mode=mode) if intrinsics == "none" else VideoStreamProfile(mode)
+        return types.SimpleNamespace(mode=mode) if setting("INTRINSICS") == "none" else VideoStreamProfile(mode)
 
 
 class Config:
@@ -111,29 +100,25 @@ class Pipeline:
         return types.SimpleNamespace(depth_intrinsic=zero, depth_distortion=distortion)
 
     def wait_for_frames(self, timeout):
-        global skip
         happen("wait_for_frames")
         time.sleep(0.02)
-        if silent:
-            return None
-        self._index += 1 + skip
-        skip = 0
+        self._index += 1
         return FrameSet(DepthFrame(self._index))
 
 
 class DevicePresetList:
     def get_count(self):
-        return len(presets)
+        return 0 if lacks("preset") else len(PRESETS)
 
     def get_name_by_index(self, index):
-        return presets[index]
+        return PRESETS[index]
 
 
 class OBDepthWorkModeList:
-    get_count = constant(len(depth_modes))
+    get_count = constant(len(DEPTH_MODES))
 
     def get_depth_work_mode_by_index(self, index):
-        return types.SimpleNamespace(name=depth_modes[index])
+        return types.SimpleNamespace(name=DEPTH_MODES[index])
 
 
 class DeviceInfo:
@@ -145,17 +130,18 @@ class Device:
     get_available_preset_list, get_depth_work_mode_list = constant(DevicePresetList()), constant(OBDepthWorkModeList())
 
     def is_property_supported(self, property_id, permission_type):
-        return property_id in supported and permission_type == "write"
+        return not lacks(property_id) and permission_type == "write"
 
     def set_depth_work_mode(self, mode):
         called("set_depth_work_mode", mode.name)
 
 
 class DeviceList:
-    get_count = constant(int(os.environ.get("STAND_IN_CAMERAS", "1")))
+    def get_count(self):
+        return int(setting("CAMERAS", 1))
 
     def get_device_serial_number_by_index(self, index):
-        return ["STAND-IN-2", "STAND-IN-4"][index]
+        return SERIALS[index]
 
     def get_device_by_serial_number(self, serial_number):
         called("get_device_by_serial_number", serial_number)

@@ -1,22 +1,16 @@
 # SPDX-License-Identifier: MIT
 """Stand-in for RealSense's Python SDK with the functions that the bridge calls.
 
-Pixel i of frame n has the value 500 + (7 n + 3 i) % 5000. Names and arguments are those in the SDK's bindings
-(IntelRealSense/librealsense, wrappers/python/pyrs_pipeline.cpp at 09696f9 and pyrs_frame.cpp at 005e21b, pyrs_device.cpp,
-pyrs_options.cpp). Environment variables:
-  STAND_IN_CAMERAS=n      number of cameras (default 1)
-  STAND_IN_SCALE=x        depth unit, m (default .001)
-  STAND_IN_FINER=n        from frame n on, the depth unit is a tenth of STAND_IN_SCALE
-  STAND_IN_SILENT=n       the camera sends no frame after the n-th until the stream is restarted
-  STAND_IN_INTRINSICS=zero  the intrinsics are zero
-  STAND_IN_TIMES=n:ms,... times of these frames
-  STAND_IN_LACKS=option,...  options that the camera does not support"""
+Names and arguments are those in the SDK's bindings (IntelRealSense/librealsense, wrappers/python/pyrs_pipeline.cpp at
+09696f9 and pyrs_frame.cpp at 005e21b, pyrs_device.cpp, pyrs_options.cpp). The depth unit STAND_IN_SCALE is in m. With
+STAND_IN_SILENT=n, the camera sends no frame after the n-th until the stream is restarted. STAND_IN_INTRINSICS=zero sets the
+intrinsics to zero. See recorder.py for other settings."""
 import os
 import time
 import types
 
 import numpy as np
-from recorder import called, complete, constant, happen
+from recorder import called, complete, constant, happen, lacks, setting, values
 
 PUBLISHED = """
 context: query_devices(0)
@@ -33,19 +27,16 @@ depth_frame: get_frame_number(0) get_timestamp(0) get_units(0) get_width(0) get_
 stream = types.SimpleNamespace(depth="depth")
 format = types.SimpleNamespace(z16="z16")
 camera_info = types.SimpleNamespace(name="name", serial_number="serial", firmware_version="firmware")
-option = types.SimpleNamespace(emitter_enabled="emitter", visual_preset="preset")
+option = types.SimpleNamespace(emitter_enabled="laser", visual_preset="preset")
 PRESETS = ["Custom", "Default", "Hand", "High Accuracy"]
 WIDTH, HEIGHT = 64, 48
-
-
-def values(index, pixels):
-    return (500 + (7 * index + 3 * np.arange(pixels)) % 5000).astype("<u2")
+coeffs = [0.0] * 5
 
 
 class video_stream_profile:
     def get_intrinsics(self):
-        f = 0.0 if os.environ.get("STAND_IN_INTRINSICS") == "zero" else 50.0
-        return types.SimpleNamespace(width=WIDTH, height=HEIGHT, fx=f, fy=f, ppx=31.5, ppy=23.5, coeffs=[0.0] * 5)
+        f = 0.0 if setting("INTRINSICS") == "zero" else 50.0
+        return types.SimpleNamespace(width=WIDTH, height=HEIGHT, fx=f, fy=f, ppx=31.5, ppy=23.5, coeffs=coeffs)
 
 
 class stream_profile:
@@ -54,7 +45,7 @@ class stream_profile:
 
 class depth_sensor:
     def supports(self, option):
-        return option not in os.environ.get("STAND_IN_LACKS", "").split(",")
+        return not lacks(option)
 
     def get_option_range(self, option):
         return types.SimpleNamespace(min=0.0, max=len(PRESETS) - 1.0)
@@ -73,7 +64,7 @@ class device:
 class context:
     def query_devices(self):
         called("query_devices")
-        return [device() for _ in range(int(os.environ.get("STAND_IN_CAMERAS", "1")))]
+        return [device() for _ in range(int(setting("CAMERAS", 1)))]
 
 
 class config:
@@ -100,7 +91,7 @@ class pipeline:
     def try_wait_for_frames(self, timeout_ms=5000):
         happen("try_wait_for_frames")
         time.sleep(0.02)
-        if self._index == int(os.environ.get("STAND_IN_SILENT", "0")) > 0:
+        if self._index == int(setting("SILENT", 0)) > 0:
             os.environ["STAND_IN_SILENT"] = "0"
             self._index = None
         if self._index is None:
@@ -127,12 +118,10 @@ class depth_frame:
         return self._index
 
     def get_timestamp(self):
-        odd = dict(item.split(":") for item in os.environ.get("STAND_IN_TIMES", "").split(",") if item)
-        return float(odd.get(str(self._index), 1000.0 + 66.667 * self._index))
+        return 1000.0 + 66.667 * self._index
 
     def get_units(self):
-        finer = self._index >= int(os.environ.get("STAND_IN_FINER", "1000000"))
-        return float(np.float32(os.environ.get("STAND_IN_SCALE", "0.001"))) * (0.1 if finer else 1)
+        return float(np.float32(setting("SCALE", "0.001")))
 
     def get_data(self):
         return values(self._index, WIDTH * HEIGHT).reshape(HEIGHT, WIDTH)

@@ -1,27 +1,41 @@
 # SPDX-License-Identifier: MIT
 """Common part of the stand-in libraries: makes their classes, records the calls and raises errors at selected calls.
 
-Tests in the same process use `calls` and `faults`. For a bridge in another process, STAND_IN_LOG names the file for the
-calls, and STAND_IN_FAULTS=name:n,... selects the n-th call of each function."""
+Tests in the same process use `calls`. For a bridge in another process, STAND_IN_LOG names the file for the calls.
+STAND_IN_FAULTS=name:n,... selects the n-th call of each function. Settings of the cameras: STAND_IN_CAMERAS is the number of
+cameras (default 1), and STAND_IN_LACKS=name,... lists the properties that they do not support. Pixel i of frame n has the
+value 500 + (7 n + 3 i) % 5000, in depth units."""
 import inspect
 import json
 import os
 import re
 
+import numpy as np
+
 calls = []
-faults = {}  # message of the RuntimeError for the n-th call of a function, by (name, n)
 _counts = {}
+
+
+def setting(name, default=""):
+    return os.environ.get(f"STAND_IN_{name}", default)
+
+
+def lacks(name):
+    return name in setting("LACKS").split(",")
+
+
+def values(index, pixels):
+    return (500 + (7 * index + 3 * np.arange(pixels)) % 5000).astype("<u2")
 
 
 def reset():
     calls.clear()
-    faults.clear()
     _counts.clear()
 
 
 def called(name, *values):
     calls.append((name, *values))
-    if path := os.environ.get("STAND_IN_LOG"):
+    if path := setting("LOG"):
         with open(path, "a", encoding="utf-8") as log:
             log.write(json.dumps([name, *values]) + "\n")
     happen(name)
@@ -30,9 +44,8 @@ def called(name, *values):
 def happen(name):
     """Counts a call and raises the selected error. Does not record the call, because such calls may be frequent."""
     _counts[name] = _counts.get(name, 0) + 1
-    at = (name, _counts[name])
-    if at in faults or f"{name}:{at[1]}" in os.environ.get("STAND_IN_FAULTS", "").split(","):
-        raise RuntimeError(faults.get(at, f"{name} failed"))
+    if f"{name}:{_counts[name]}" in setting("FAULTS").split(","):
+        raise RuntimeError(f"{name} failed")
 
 
 def constant(value):
