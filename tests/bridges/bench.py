@@ -2,14 +2,11 @@
 # SPDX-License-Identifier: MIT
 """bench.py BIN_DIR [SECONDS=8]: measures the tag rate of scripts/bridges/timetagger.py and the cost of live runs.
 
-In the first benchmark, the client only reads, and the buffer of the stand-in library is always
-full. In the live runs, every tag sent by the bridge must be in a record of the daemon. Costs are
-processor times, because wall-clock times depend on the load of the machine. The cost of generating
-tags in the stand-in is listed separately."""
+Costs are processor times, because wall-clock times depend on the load of the machine. The cost of generating tags in the
+stand-in is listed separately."""
 import os
 import pathlib
 import re
-import sqlite3
 import struct
 import subprocess
 import sys
@@ -19,6 +16,7 @@ import time
 import testing
 
 import bridge
+from fixtures import query
 import TimeTagger as library
 
 SECONDS = 3.0
@@ -31,6 +29,7 @@ def cpu_s(process):
     return sum(map(int, fields[11:13])) / os.sysconf("SC_CLK_TCK")
 
 
+# The client only reads, and the buffer of the stand-in library is always full.
 def reading():
     with testing.Program("timetagger.py", "--block-ms", "1", STAND_IN_PULSES_PER_S="inf") as program:
         with testing.Client(program.address) as client:
@@ -38,8 +37,7 @@ def reading():
             buffer = memoryview(bytearray(1 << 20))
             began, used, tags, dropped = time.monotonic(), cpu_s(program.process), 0, 0
             while time.monotonic() < began + SECONDS:
-                head = client.exactly(32)
-                size, lost = struct.unpack_from("<IQ", head, 12)
+                size, lost = struct.unpack_from("<IQ", client.exactly(32), 12)
                 left = size
                 while left:
                     left -= client.socket.recv_into(buffer[:left])
@@ -52,6 +50,7 @@ def reading():
           f"dropped at the sender; the bridge used {100 * share:.0f} % of a core")
 
 
+# Every tag that the bridge sends must be in a record of the daemon.
 def live(offered):
     pulses = offered * library.PULSES / library.PATTERN_TAGS
     with tempfile.TemporaryDirectory(prefix="echofuse-") as folder:
@@ -67,11 +66,9 @@ def live(offered):
             log = daemon.communicate()[1]
             sent, _, dropped = program.sent()
         arrived = int(re.search(r"received: (\d+) tags", log).group(1))
-        with sqlite3.connect(run) as db:
-            rows = db.execute("SELECT tags, spd_lost FROM record WHERE tags > 0").fetchall()
-            missed = db.execute("SELECT sum(spd_missed) FROM record").fetchone()[0]  # tags missed by the tagger itself
-            strays = db.execute("SELECT sum(value) FROM counter WHERE source = 'spd' AND name IN"
-                                " ('early', 'late', 'outside')").fetchone()[0]
+        rows = query(run, "SELECT tags, spd_lost FROM record WHERE tags > 0")
+        (missed,), = query(run, "SELECT sum(spd_missed) FROM record")  # tags missed by the tagger itself
+        (strays,), = query(run, "SELECT sum(value) FROM counter WHERE source = 'spd' AND name IN ('early', 'late', 'outside')")
         making = float(made.read_text(encoding="utf-8"))
     lost = sum(row[1] for row in rows) - missed
     full = sorted(row[0] for row in rows)[len(rows) // 2]

@@ -20,7 +20,8 @@ import recorder
 # Bridge, SDK and image height of each vendor. The depth images are 64 pixels wide.
 ORBBEC, REALSENSE = (orbbec, pyorbbecsdk, 64), (realsense, pyrealsense2, 48)
 STARTS = {ORBBEC: [("get_stream_profile_list", "depth"), ("enable_stream", 64, 64, "y16", 30), ("start",)],
-          REALSENSE: [("query_devices",), ("enable_device", "STAND-IN-3"), ("enable_stream", "depth", 64, 48, "z16", 30), ("start",)]}
+          REALSENSE: [("query_devices",), ("enable_device", "STAND-IN-3"), ("enable_stream", "depth", 64, 48, "z16", 30),
+                      ("start",)]}
 
 
 def size(height):
@@ -47,23 +48,23 @@ def poll(camera, frames):
 
 class Settings(unittest.TestCase):
     def test_settings_are_sent_before_the_camera_starts(self):
-        found = [("query_devices",), ("get_device_by_serial_number", "STAND-IN-2")]
+        found, second = ([("query_devices",), ("get_device_by_serial_number", f"STAND-IN-{k}")] for k in (2, 4))
         mirror, start = ("set_bool_property", "mirror", False), STARTS[ORBBEC]
         chosen = ["--no-projector", "--preset", "high accuracy"]
-        for vendor, words, lacks, calls, said in (
-                (ORBBEC, [], "", [*found, mirror, *start], ""),
-                (ORBBEC, ["--serial", "STAND-IN-2"], "mirror", [*found, *start], ""),
-                (ORBBEC, ["--no-projector"], "", [*found, mirror, ("set_int_property", "laser control", 0), *start],
+        for vendor, words, env, calls, said in (
+                (ORBBEC, [], {}, [*found, mirror, *start], ""),
+                (ORBBEC, ["--serial", "STAND-IN-4"], {"CAMERAS": "2", "LACKS": "mirror"}, [*second, *start], ""),
+                (ORBBEC, ["--no-projector"], {}, [*found, mirror, ("set_int_property", "laser control", 0), *start],
                  "projector off\n"),
-                (ORBBEC, [*chosen, "--depth-mode", "binned sparse default"], "laser control",
+                (ORBBEC, [*chosen, "--depth-mode", "binned sparse default"], {"LACKS": "laser control"},
                  [*found, mirror, ("set_depth_work_mode", "Binned Sparse Default"), ("load_preset", "High Accuracy"),
                   ("set_bool_property", "laser", False), *start],
                  'depth mode "Binned Sparse Default", preset "High Accuracy", projector off\n'),
-                (REALSENSE, ["--serial", "STAND-IN-3"], "", STARTS[REALSENSE], ""),
-                (REALSENSE, chosen, "", [*STARTS[REALSENSE], ("set_option", "preset", 3), ("set_option", "laser", 0)],
+                (REALSENSE, ["--serial", "STAND-IN-3"], {}, STARTS[REALSENSE], ""),
+                (REALSENSE, chosen, {}, [*STARTS[REALSENSE], ("set_option", "preset", 3), ("set_option", "laser", 0)],
                  'preset "High Accuracy", projector off\n')):
-            with self.subTest(words, lacks=lacks):
-                camera, text = open_camera(vendor, *words, LACKS=lacks)
+            with self.subTest(words, env=env):
+                camera, text = open_camera(vendor, *words, **env)
                 camera.close()
                 self.assertEqual(recorder.calls, [*calls, ("stop",)])
                 self.assertTrue(said in text if said else "projector" not in text, text)

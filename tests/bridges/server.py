@@ -1,26 +1,18 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: MIT
-"""Tests the common part of all bridges: the framing of blocks, the server, which accepts one client at a time, and pack.py, which is
-compared with NumPy. Also checks that the bridges call only functions that the vendors published, even in code that no test
-reaches; the stand-ins contain the tables of these functions."""
+"""Tests the common part of all bridges: the framing of blocks, the server, which accepts one client at a time, and pack.py."""
 import _ctypes  # serves as a shared object that is not the packing library
-import ast
 import pathlib
 import socket
-import struct
 import tempfile
 import time
 import unittest
 from unittest import mock
 
 import testing
-from testing import Client, Program, crc32c, golden, np
+from testing import Client, Program, golden, np
 import bridge
 import pack
-import pyorbbecsdk
-import pyrealsense2
-import TimeTagger
-from recorder import published
 
 
 def make_server(test, **options):
@@ -33,25 +25,12 @@ class Framing(unittest.TestCase):
     def test_block_headers_equal_the_golden_file(self):
         for number, (kind, dropped) in enumerate([(0, 0), (1, 0), (2, 5), (3, 0)]):
             whole = golden()[number]
-            self.assertEqual(bridge.block(kind, number, whole[32:], dropped), whole[:32])
-
-    def test_block_sequence_number_wraps_at_32_bits(self):
-        self.assertEqual(bridge.block(1, 1 << 32, b"x"), bridge.block(1, 0, b"x"))
+            for sequence in number, number + (1 << 32):
+                self.assertEqual(bridge.block(kind, sequence, memoryview(whole[32:]), dropped), whole[:32])
 
     def test_listen_address_is_split_into_host_and_port(self):
         self.assertEqual(bridge.listen_address("[::1]:41110"), ("::1", 41110))
         self.assertEqual(bridge.listen_address("tagger.lab:0"), ("tagger.lab", 0))
-
-
-class Devices(unittest.TestCase):
-    def test_device_is_chosen_by_serial_number(self):
-        self.assertEqual(bridge.choose(["A"], "", "board"), "A")
-        self.assertEqual(bridge.choose(["A", "B"], "B", "board"), "B")
-        for attached, serial, why in (([], "", "no board is connected"),
-                                      (["A", "B"], "", "choose one with --serial: A, B"),
-                                      (["A", "B"], "C", "no board with the serial number C")):
-            with self.assertRaisesRegex(RuntimeError, why):
-                bridge.choose(attached, serial, "board")
 
 
 class OneClient(unittest.TestCase):
@@ -207,14 +186,6 @@ class Packing(unittest.TestCase):
         tags.view("u1")[:] = 0xEE
         self.assertEqual(bytes(block.payload), before)
 
-    def test_blocks_have_valid_crc32c_checksums(self):
-        for size in (0, 1, 31, 100_000):
-            payload = bytes(range(256)) * (size // 256) + bytes(size % 256)
-            header = bridge.block(1, 7, payload, 3)
-            self.assertEqual(bridge.block(1, 7, memoryview(payload), 3), header)
-            self.assertEqual(struct.unpack("<I", header[28:])[0],
-                             crc32c.crc32c(header[:28] + payload))
-
 
 class Absent(unittest.TestCase):
     def test_camera_bridge_runs_without_the_packing_library(self):
@@ -236,32 +207,6 @@ class Absent(unittest.TestCase):
         with mock.patch.object(pack, "MISSING", "no crc32c"), testing.messages() as said:
             self.assertRaises(SystemExit, bridge.require_packages)
         self.assertIn("python3-crc32c", said.getvalue())
-
-
-def calls(script, owners):
-    """Returns the names of the methods that a bridge script calls on variables named in `owners`."""
-    tree = ast.parse((testing.root / "scripts/bridges" / script).read_text(encoding="utf-8"))
-    found = set()
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
-            base = node.func.value
-            owner = base.attr if isinstance(base, ast.Attribute) else getattr(base, "id", "")
-            if owner in owners:
-                found.add(node.func.attr)
-    return found
-
-
-class Signatures(unittest.TestCase):
-    def test_bridges_call_only_functions_that_the_vendors_published(self):
-        for script, library, more, least, owners in (
-                ("timetagger.py", TimeTagger, {"take", "Replay"}, 15, "library _library tagger _tagger _stream data"),
-                ("orbbec.py", pyorbbecsdk, set(), 20, "_sdk sdk _context devices device info _pipeline _config profiles profile frames "
-                                                      "frame modes presets"),
-                ("realsense.py", pyrealsense2, set(), 16, "sdk _pipeline _config device profile frames frame sensor")):
-            table = [*published(library.PUBLISHED)]
-            called = calls(script, owners.split())
-            self.assertEqual(called - {name for owner, function, _ in table for name in (owner, function)} - more, set())
-            self.assertGreater(len(called), least)
 
 
 testing.main()

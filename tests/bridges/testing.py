@@ -28,7 +28,8 @@ sys.dont_write_bytecode = True
 # Packing library of the tested build. If the file is missing, the bridges run without it.
 library = pathlib.Path(sys.argv[1] if len(sys.argv) > 1 else "").resolve().parent / "lib/libechofuse_bridge_pack.so"
 os.environ.setdefault("ECHOFUSE_BRIDGE_LIBRARY", str(library))
-sys.path[:0] = [str(root / "scripts/bridges"), str(here / "stand_in"), str(here.parent), str(here.parent / "fixtures")]
+sys.path[:0] = [str(root / "scripts/bridges"), str(here / "stand_in"), str(here.parent), str(here.parent / "fixtures"),
+                str(root / "recon/python")]
 from waiting import wait_for
 
 
@@ -127,7 +128,7 @@ class Program:
 
     def stop(self, how=signal.SIGTERM):
         self.process.send_signal(how)
-        return self.process.wait(10)
+        return self.process.wait(60)
 
     def sent(self):
         """Returns the totals printed by the bridge on exit: sent items, clients and dropped items."""
@@ -150,7 +151,7 @@ class Outlet:
 def ended(script, *arguments, code=4, **env):
     """Runs a bridge that ends by itself with the exit code `code`. Returns its messages."""
     with Program(script, *arguments, **env) as program:
-        assert program.process.wait(10) == code, program.said()
+        assert program.process.wait(60) == code, program.said()
         return program.said()
 
 

@@ -1,9 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: MIT
-"""tmf8820_bridge.py BIN_DIR: tests scripts/bridges/tmf8820.py.
-
-The bridge reads the log of the chip from a serial port or a file. The recorded run is then viewed,
-used for training, and summarised in a report."""
+"""Tests scripts/bridges/tmf8820.py, which reads the log of the chip from a serial port or a file."""
 import gzip
 import json
 import os
@@ -45,28 +42,32 @@ def body(seed):
     return rng.poisson(50 + 8e4 * rng.random((9, 1)) * np.exp(-0.5 * ((np.arange(128) - near) / 2) ** 2))
 
 
+def read(lines, **how):
+    """Returns the measurements in these lines of a log, the number of lost measurements, and the reasons to refuse the log."""
+    reasons = []
+    log = tmf8820.Log(refuse=reasons.append, **how)
+    return [taken for line in lines if (taken := log.take(line)) is not None], log.lost, reasons
+
+
 class Reader(unittest.TestCase):
     def test_histogram_counts_are_assembled_from_three_bytes(self):
         counts = np.arange(9 * 128).reshape(9, 128) * 14_000
-        log = tmf8820.Log()
-        found = [taken for line in measurement(counts).splitlines() if (taken := log.take(line)) is not None]
-        self.assertEqual(len(found), 1)
-        self.assertTrue(np.array_equal(found[0], counts))
-        self.assertEqual(log.lost, 0)
+        first, second = (measurement(counts, number).splitlines() for number in (1, 2))
+        for begin, complete in (0, 2), (5, 1):  # the log may begin within a measurement
+            found, lost, _ = read([*first[begin:], *second])
+            np.testing.assert_array_equal(found, [counts] * complete)
+            self.assertEqual(lost, 0)
 
     def test_damaged_measurement_is_counted_as_lost(self):
-        lines = measurement(body(1)).splitlines()
-        for damage in (lambda text: text[:12], lambda text: text.replace(",", ",x", 3), lambda text: "",
-                       lambda text: text + ",1", lambda text: text.replace("#Raw,65,", "#Raw,65,3")):
-            log = tmf8820.Log()
-            for line in [*lines[:12], damage(lines[12]), *lines[13:]]:
-                self.assertIsNone(log.take(line))
-            self.assertEqual(log.lost, 1)
-            self.assertEqual(sum(log.take(line) is not None for line in measurement(body(1), 2).splitlines()), 1)
-
-    def test_sensor_log_may_begin_within_a_measurement(self):
-        log, lines = tmf8820.Log(), measurement(body(1)).splitlines()
-        self.assertEqual(sum(log.take(line) is not None for line in lines[5:] + measurement(body(1), 2).splitlines()), 1)
+        lines, following = measurement(np.full((9, 128), 3)).splitlines(), measurement(body(1), 2).splitlines()
+        impossible = lambda text: re.sub("((?:[^,]*,){40})[^,]*", r"\g<1>99", text, count=1)
+        for row, damage in ((12, lambda text: text[:12]), (12, lambda text: text.replace(",", ",x", 3)), (12, lambda text: ""),
+                            (12, lambda text: text + ",1"), (12, lambda text: text.replace("#Raw,65,", "#Raw,65,3")),
+                            (12, impossible), (22, impossible)):  # in a middle and in a high byte
+            changed = [*lines[:row], damage(lines[row]), *lines[row + 1:]]
+            self.assertEqual(read(changed), ([], 1, []))
+            found, lost, _ = read([*changed, *following])
+            self.assertEqual((len(found), lost), (1, 1))
 
     def test_logs_of_other_modes_are_refused_with_the_reason(self):
         static = [measurement(body(1), number) for number in range(8)]
@@ -82,40 +83,16 @@ class Reader(unittest.TestCase):
                 ([f"12:01:{k} -> {line}\n" for k, line in enumerate(static[0].splitlines())], 0, 0, "time stamps"),
                 ([static[0], other[1]], 1, 0, "two chips: I2C addresses 65 and 66"),
                 (turns, 7, 0, "8 x 8 mode"),
-                ([captures[n] + static[n] for n in range(8)], 2, 2, "4 x 4 or 8 x 8 mode"),
+                ([captures[n] + static[n] for n in range(8)], 2, 3, "4 x 4 or 8 x 8 mode"),
                 ([captures[n] + second[n] + static[n] for n in range(8)], 0, 0, "4 x 4 mode"),
                 (["#Conf,Period=132ms,KIter=250 SPAD=7 Pers=0\n", *static], 0, 0, "4 x 4 mode"),
                 (["#Conf,Period=132ms,KIter=250 SPAD=6 Pers=0\n", *static], 8, 0, None),
                 (again, 1, 3, "result numbers do not change")):
-            reasons = []
-            log = tmf8820.Log(refuse=reasons.append)
-            found = sum(log.take(line) is not None for line in "".join(texts).splitlines())
-            self.assertEqual(found, taken, reason)
-            self.assertEqual(len(reasons), 0 if reason is None else 1)
+            found, missed, reasons = read("".join(texts).splitlines())
+            self.assertEqual((len(found), missed, len(reasons)), (taken, lost, int(reason is not None)), reason)
             self.assertIn(reason or "", " ".join(reasons))
-            self.assertGreaterEqual(log.lost, lost, reason)
-        chosen = tmf8820.Log(address=66)
-        both = "".join(a + b for a, b in zip(static, other)).splitlines()
-        self.assertEqual((sum(chosen.take(line) is not None for line in both), chosen.lost), (8, 0))
-
-    def test_measurement_with_an_impossible_bin_is_counted_as_lost(self):
-        lines = measurement(np.full((9, 128), 3)).splitlines()
-        for row in (12, 22):  # a middle and a high byte
-            fields = lines[row].split(",")
-            log = tmf8820.Log()
-            changed = [*lines[:row], ",".join([*fields[:40], "99", *fields[41:]]), *lines[row + 1:]]
-            self.assertTrue(all(log.take(line) is None for line in changed))
-            self.assertEqual(log.lost, 1)
-
-    def test_waiting_board_is_started(self):
-        board, port = pty.openpty()
-        tty.setraw(port)
-        with Program("tmf8820.py", "--port", os.ttyname(port)) as program:
-            os.write(board, b"UART commands\r\n")
-            self.assertEqual(os.read(board, 10), b"ezm")
-            self.assertEqual(program.stop(), 0)
-        os.close(board)
-        os.close(port)
+        found, missed, _ = read("".join(a + b for a, b in zip(static, other)).splitlines(), address=66)
+        self.assertEqual((len(found), missed), (8, 0))
 
     def test_sensor_log_is_read_from_text_and_json_files(self):
         with tempfile.TemporaryDirectory() as folder:
@@ -129,9 +106,12 @@ class Reader(unittest.TestCase):
             with self.assertRaisesRegex(ValueError, "expected measurements of 9 zones"):
                 tmf8820.captured(log)
 
-    def test_measurements_are_read_from_a_serial_port(self):
+    def test_board_is_started_and_read_through_a_serial_port(self):
         board, port = pty.openpty()
+        tty.setraw(port)
         with Program("tmf8820.py", "--port", os.ttyname(port)) as program, Client(program.address) as client:
+            os.write(board, b"UART commands\r\n")
+            self.assertEqual(os.read(board, 10), b"ezm")  # the waiting board is started
             blocks = client.until(bridge.HELLO)  # waits for the connection, because earlier measurements would be lost
             os.write(board, (measurement(body(1)) + measurement(body(2), 2)[:500] + "\n" + measurement(body(4), 2)).encode())
             blocks += client.until(bridge.HISTOGRAM)
@@ -180,8 +160,7 @@ class Recording(unittest.TestCase):
             run_program("echofuse-recon", "train", run, "--model", "ridge", "--inputs", "spd", "--out", model, "-q")
             run_program("echofuse-recon", "reconstruct", model, run, "--out", place / "maps", "-q")
             self.assertGreaterEqual(len(list((place / "maps").glob("*.png"))), SLOTS // 2)
-            run_program("echofuse-report", place / "page", "--run", run, "--model", model,
-                             "--live", run)
+            run_program("echofuse-report", place / "page", "--run", run, "--model", model, "--live", run)
             self.assertIn("ridge, SPD alone", (place / "page/report.html").read_text(encoding="utf-8"))
 
 

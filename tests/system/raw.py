@@ -10,8 +10,8 @@ import subprocess
 from case import Case, bin_dir, main, source
 import fixtures
 
-RECORDS = """SELECT idx, slot_start_ns, closed_late_s, valid, tags, in_range, spd_verdict, radar_verdict, radar_used, spd, radar,
-             depth, array_frames, array FROM record"""
+RECORDS = """SELECT idx, slot_start_ns, closed_late_s, valid, tags, in_range, spd_verdict, radar_verdict, radar_used, spd,
+             radar, depth, array_frames, array FROM record"""
 # Totals of received data are excluded, because a live run continues to read until its file is closed.
 COUNTERS = """SELECT source, name, value FROM counter WHERE source IN ('spd', 'radar') AND name NOT IN
               ('bytes', 'blocks', 'frames', 'frame_bytes', 'range_profiles', 'arrays', 'tags', 'outside')"""
@@ -39,8 +39,9 @@ class Raw(Case):
         (self.dir / "faults.toml").write_text(FAULTS)
         # The run is paused for several slots, as on a busy machine: its slots are closed late, after their deadlines.
         paused = "sh", "-c", '"$@" & sleep 5; kill -STOP $!; sleep 1.5; kill -CONT $!; wait $!', "sh"
-        log = self.record(20, 0.4, *paused, options=("--window", 0.4, "--scene", "mixed", "--faults", self.dir / "faults.toml", "--radar-cfg",
-                                                       source / "config/radar/xwr68xx_azimuth_50cm.cfg", "--set", "radar_sum=coherent"))
+        antennas = "--radar-cfg", source / "config/radar/xwr68xx_azimuth_50cm.cfg", "--set", "radar_sum=coherent"
+        log = self.record(20, 0.4, *paused, options=("--window", 0.4, "--scene", "mixed", "--faults", self.dir / "faults.toml",
+                                                     *antennas))
         self.assertIn(f"raw: {sum(f.stat().st_size for f in self.raw.iterdir())} bytes recorded in {self.raw}, 0 not recorded", log)
         said = b"".join(f.read_bytes() for f in sorted(self.raw.glob("radar-cli-*.txt")))
         self.assertIn(b"sensorStart", said)

@@ -9,13 +9,10 @@ Names and arguments are those in the vendor's documentation of version 2.22 ("Ti
 "Helper classes", "Raw Time-Tag-Stream access"; CustomMeasurement.process(incoming_tags, begin_time, end_time) is "called
 whenever a new chunk of time tags is available"). Its headers TimeTagger.h and Iterators.h declare the classes that the Python
 module wraps (IteratorBase: isRunning, stop; CustomMeasurementBase: register_channel, finalize_init). The network and virtual
-taggers are those of TimeTagger.h 2.16.2; run() exists in later versions only. Environment variables select faults:
-  STAND_IN_FOREIGN=1    the stream has tags of channels that other clients requested
-  STAND_IN_LISTEN=1     the server rejects all settings
-  STAND_IN_SERVER=n     the server disconnects at the n-th check of the connection
-  STAND_IN_OLD_FILE=1   the virtual tagger has setReplaySpeed() and replay()
-A recording has three patterns. The count rate of the channels is 1e5/s at trigger levels from 0.3 to 1.2 V, or 0 with
-STAND_IN_PLATEAU=none. With STAND_IN_CPU=file, the processor time of generating tags, s, is written to the file."""
+taggers are those of TimeTagger.h 2.16.2; run() exists in later versions only, and with STAND_IN_OLD_FILE=1, the virtual tagger
+has setReplaySpeed() and replay() instead. A recording has three patterns. The count rate of the channels is 1e5/s at trigger
+levels from 0.3 to 1.2 V, or 0 with STAND_IN_PLATEAU=none. With STAND_IN_CPU=file, the processor time of generating tags, s,
+is written to the file."""
 import os
 import threading
 import time
@@ -115,10 +112,7 @@ class TimeTagger:
 
 
 class TimeTaggerNetwork(TimeTagger):
-    def isConnected(self):
-        happen_at = os.environ.get("STAND_IN_SERVER")
-        self.looks = getattr(self, "looks", 0) + 1
-        return not happen_at or self.looks < int(happen_at)
+    isConnected = constant(True)
 
 
 class TimeTaggerVirtual:
@@ -266,9 +260,6 @@ class CustomMeasurement:
         buffer, in_process = np.empty(BLOCK_TAGS, TAG), 0.0
         while not self._standin_end.wait(0 if source.is_behind() else BLOCK_S):
             tags = buffer[:source.write(buffer)]
-            if os.environ.get("STAND_IN_FOREIGN"):
-                tags = np.repeat(tags, 2)
-                tags["channel"][1::2], tags["type"][1::2] = 7, np.where(tags["type"][1::2] == 4, 4, 0)
             if len(tags):
                 began = time.thread_time()
                 with self.mutex:
@@ -283,9 +274,3 @@ class CustomMeasurement:
 complete(globals(), PUBLISHED)
 for name in ["run"] if os.environ.get("STAND_IN_OLD_FILE") else ["setReplaySpeed", "replay"]:
     delattr(TimeTaggerVirtual, name)
-if os.environ.get("STAND_IN_LISTEN"):
-    def refuse(self, *_):
-        raise RuntimeError("The server does not allow to modify settings (AccessMode.Listen).")
-    for name in [name for name in vars(TimeTagger) if name.startswith("set")]:
-        setattr(TimeTaggerNetwork, name, refuse)
-
