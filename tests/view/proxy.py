@@ -5,8 +5,6 @@ import socket
 import threading
 import urllib.parse
 
-from page_socket import Client, Refused
-
 NOT_FOUND = b"HTTP/1.1 404 Not Found\r\nContent-Type: text/html\r\nConnection: close\r\n\r\n<html><h1>404 of the proxy</h1></html>"
 
 
@@ -61,24 +59,3 @@ class Proxy:
 
     def close(self):
         self.listener.close()
-
-
-def check_requests(test):
-    """Sends requests like those forwarded by a proxy. The Origin header contains the forwarded host, and the Host
-    header contains the address of the server."""
-    here = urllib.parse.urlsplit(test.address).netloc
-    for headers, status in ((["X-Forwarded-Host: lab.example.org", "Origin: https://lab.example.org"], 101),
-                            (["X-Forwarded-Host: lab.example.org, inner", "Origin: http://lab.example.org"], 101),
-                            (["X-Forwarded-Host: lab.example.org", f"Origin: http://{here}"], 403),
-                            (["X-Forwarded-Host: lab.example.org", "Host: lab.example.org"], 421)):
-        try:
-            got = Client(test.address, headers=headers).status
-        except Refused as refused:
-            got = refused.args[0]
-        test.assertEqual(got, status, headers)
-    # The scripts of the page are public, so that the page can report why its WebSocket fails.
-    test.assertEqual(test.get("/view.js", Origin="http://lab.example.org")[0].status, 200)
-    test.assertIn(b"X-Forwarded-Host, Upgrade and Connection", test.get("/live")[1])
-    for forwarded, named in ((here, here), ("lab.example.org", "lab.example.org"), ("a; script-src *", "a")):
-        policy = test.get("/", **{"X-Forwarded-Host": forwarded})[0].getheader("Content-Security-Policy")
-        test.assertIn(f"connect-src 'self' ws://{named} wss://{named};", policy)

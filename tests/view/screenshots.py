@@ -12,20 +12,16 @@ import unittest
 
 import page
 from live import bin_dir
-from page import chromium
 
-FAULTS = (("tdc", "drop = 0.6"), ("tdc", "unplug"), ("tdc", "gain = 0.02"), ("tdc", "gain = 10"), ("radar", "drop = 0.6"), ("radar", "unplug"),
-          ("radar", "freeze"), ("depth", "drop = 0.6"), ("depth", "stall"), ("depth", "freeze"))  # with the amount
+FAULTS = (("tdc", "drop = 0.6"), ("tdc", "unplug"), ("tdc", "gain = 0.02"), ("tdc", "gain = 10"), ("radar", "drop = 0.6"),
+          ("radar", "unplug"), ("radar", "freeze"), ("depth", "drop = 0.6"), ("depth", "stall"), ("depth", "freeze"))
 
 
 class Screenshots(page.Page):
     def take(self, name):
         for width, height in (1400, 900), (390, 844):
-            self.size(width, height)
             for theme in "light", "dark":
-                self.browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [
-                    {"name": "prefers-color-scheme", "value": theme}, {"name": "prefers-reduced-motion", "value": "reduce"}]})
-                chromium.drawn(self.browser)
+                self.size(width, height, theme, {"name": "prefers-reduced-motion", "value": "reduce"})
                 self.browser.save_screenshot(str(pathlib.Path(sys.argv[2]) / f"{name}-{width}-{theme}.png"))
 
     def open(self, *options, **how):
