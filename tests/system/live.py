@@ -369,12 +369,9 @@ class Live(Case):
         text = terminal.text
         for columns, lines in drawn.items():
             self.assertTrue(all(len(line) < columns for line in lines), lines)
-        whole = drawn[300][-1]
-        fields = (rf"record \d+/{records}  [sS-][rR-][dD-]  ", r"  0:0\d, 0:0\d left  ", r"  \d+\.\d ktag/s  ", r"  radar \d+\.\d fps \d+ dB  ",
-                  r"  depth \d+\.\d fps  ", r"  lost (0|[SRD] \d)", r"  [\d.]+ GB free  ", r"  person person ")
-        for field in fields:
-            self.assertRegex(whole, field)
-        self.assertTrue(all(re.match(fields[0], line) for line in drawn[40]), drawn)
+        for field in rf"record \d+/{records}  [sS-][rR-][dD-]  ", r"  0:0\d, 0:0\d left  ", "  person person ":
+            self.assertRegex(drawn[300][-1], field)
+        self.assertTrue(all(re.match(rf"record \d+/{records}  ", line) for line in drawn[40]), drawn)
         # Only log messages and the last status line end with a line feed.
         lines = SEQUENCES.sub("", text).replace("\r\n", "\n").split("\n")
         feeds = [line.rsplit("\r", 1)[-1] for line in lines[:-1]]

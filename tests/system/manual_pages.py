@@ -1,7 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Tests that scripts/manual builds all pages without warnings, that links and anchors of the pages exist, and that the
-search index contains the pages. scripts/manual --api must document every public name, and must fail without its description."""
+"""Tests that scripts/manual builds all pages, with links and anchors that exist, and documents every public name."""
 import html.parser
 import importlib.util
 import json
@@ -58,13 +57,6 @@ class ApiPages(Case):
     def manual(self, tree):
         return subprocess.run([tree / "scripts/manual", "--api", self.dir / "out"], capture_output=True, text=True, timeout=240)
 
-    def copy(self):
-        tree = self.dir / "tree"
-        for name in ("scripts/manual", "recon/include", "recon/examples", "recon/python"):
-            (tree / name).parent.mkdir(parents=True, exist_ok=True)
-            (shutil.copytree if (source / name).is_dir() else shutil.copy)(source / name, tree / name)
-        return tree
-
     def test_api_manual_documents_every_public_name(self):
         done = self.manual(source)
         self.assertEqual((done.returncode, done.stdout + done.stderr), (0, ""))
@@ -83,25 +75,25 @@ class ApiPages(Case):
                  if not name.startswith("_") and name != "metrics"]
         self.assertEqual([name for name in names if f'id="echofuse.{name}"' not in page], [])
 
-    def test_api_manual_refuses_an_undocumented_cpp_name(self):
-        tree = self.copy()
-        header = tree / "recon/include/echofuse/run.hpp"
-        text = header.read_text()
-        header.write_text(text.replace("class Run {\n public:\n", "class Run {\n public:\n  int secret() const;\n"))
-        done = self.manual(tree)
-        self.assertEqual(done.returncode, 1)
-        self.assertIn("Member secret() const (function) of class echofuse::Run is not documented", done.stderr)
-
-    def test_api_manual_refuses_an_undocumented_python_name(self):
-        tree = self.copy()
-        module = tree / "recon/python/echofuse/runs/axis.py"
-        module.write_text(module.read_text().replace("    @property\n    def values", "    hidden: int = 0\n\n    def secret(self) -> None:\n        pass\n\n    @property\n    def values"))
-        # Only one class is included, so that the manual is built quickly.
-        (tree / "recon/python/api/index.rst").write_text("echofuse\n========\n\n.. autoclass:: echofuse.Axis\n")
-        done = self.manual(tree)
-        self.assertEqual(done.returncode, 1)
-        self.assertIn("echofuse.Axis.secret has no docstring", done.stderr)
-        self.assertIn("echofuse.Axis.hidden has no docstring", done.stderr)
+    def test_api_manual_refuses_an_undocumented_name(self):
+        names = "scripts/manual", "recon/include", "recon/examples", "recon/python"
+        for file, before, secret, faults in (
+                ("recon/include/echofuse/run.hpp", "class Run {\n public:\n", "  int secret() const;\n",
+                 ["Member secret() const (function) of class echofuse::Run is not documented"]),
+                ("recon/python/echofuse/runs/axis.py", "\n    @property\n    def values",
+                 "\n    hidden: int = 0\n\n    def secret(self) -> None:\n        pass\n",
+                 ["echofuse.Axis.secret has no docstring", "echofuse.Axis.hidden has no docstring"])):
+            tree = self.dir / file.split("/")[1]
+            for name in names:
+                (tree / name).parent.mkdir(parents=True, exist_ok=True)
+                (shutil.copytree if (source / name).is_dir() else shutil.copy)(source / name, tree / name)
+            # Only one class is included, so that the manual is built quickly.
+            (tree / "recon/python/api/index.rst").write_text("echofuse\n========\n\n.. autoclass:: echofuse.Axis\n")
+            text = (tree / file).read_text()
+            self.assertEqual(text.count(before), 1)
+            (tree / file).write_text(text.replace(before, before + secret if file.endswith("hpp") else secret + before))
+            done = self.manual(tree)
+            self.assertEqual((done.returncode, [fault for fault in faults if fault not in done.stderr]), (1, []), done.stderr)
 
 
 class Manual(SharedCase):
@@ -118,16 +110,6 @@ class Manual(SharedCase):
         broken, named = broken_links(self.out)
         self.assertEqual(broken, [])
         self.assertGreater(named, 300)
-
-    def test_a_removed_page_and_a_removed_heading_are_found(self):
-        copy = self.out.parent / "copy"
-        shutil.copytree(self.out, copy)
-        (copy / "sim/index.html").unlink()
-        verdicts = copy / "acquire/verdicts.html"
-        verdicts.write_text(verdicts.read_text(encoding="utf-8").replace('id="verdicts"', ""), encoding="utf-8")
-        broken = broken_links(copy)[0]
-        self.assertTrue(any(link.endswith("sim/index.html") for link in broken))
-        self.assertTrue(any(link.endswith("verdicts.html#verdicts") for link in broken))
 
     def test_search_index_contains_settings_verdicts_and_commands(self):
         text = (self.out / "searchindex.js").read_text(encoding="utf-8")

@@ -165,18 +165,17 @@ def pattern(start_channel, click_channel, period_ps):
 
 
 class Source:
-    """Generates the tags that are due, as whole patterns, either in four columns or as records."""
+    """Generates the tags that are due, as whole patterns."""
 
     def __init__(self, tagger, channels, most):
         self._tagger = tagger
         self._period_ps = 5_000_000 if RATE == float("inf") else round(1e12 / RATE)
         longest = -(-min(most, 1 << 20) // PATTERN_TAGS)
-        self._columns = [np.tile(column, longest) for column in pattern(*channels, self._period_ps)]
-        self._columns[3] += np.repeat(np.arange(longest), PATTERN_TAGS) * PULSES * self._period_ps
-        self._records = np.zeros(len(self._columns[0]), TAG)  # the padding bytes are also zero
-        for name, column in zip(TAG.names, self._columns):
-            self._records[name] = column
-        self._most = min(most, len(self._columns[0]))
+        self._records = np.zeros(longest * PATTERN_TAGS, TAG)  # the padding bytes are also zero
+        for name, column in zip(TAG.names, pattern(*channels, self._period_ps)):
+            self._records[name] = np.tile(column, longest)
+        self._records["time"] += np.repeat(np.arange(longest), PATTERN_TAGS) * PULSES * self._period_ps
+        self._most = min(most, len(self._records))
         self._began = time.monotonic()
         self._done = 0  # number of patterns sent
 
@@ -198,12 +197,6 @@ class Source:
     def is_behind(self):
         return RATE == float("inf") or self.patterns_due() * PATTERN_TAGS > self._most
 
-    def columns(self):
-        tags, shift_ps = self._next()
-        part = [column[:tags] for column in self._columns]
-        part[3] = part[3] + shift_ps
-        return part
-
     def write(self, tags):
         """Writes the tags that are due to the front of the array and returns their number."""
         count, shift_ps = self._next()
@@ -215,7 +208,7 @@ class Source:
 class TimeTagStream:
     def __init__(self, tagger, n_max_events, channels):
         called("TimeTagStream", n_max_events, channels)
-        self._source = Source(tagger, channels, n_max_events)
+        self._source, self._tags = Source(tagger, channels, n_max_events), np.empty(n_max_events, TAG)
 
     def isRunning(self):
         recorder.happen("isRunning")
@@ -223,7 +216,8 @@ class TimeTagStream:
 
     def getData(self):
         recorder.happen("getData")
-        return TimeTagStreamBuffer(*self._source.columns())
+        tags = self._tags[:self._source.write(self._tags)]
+        return TimeTagStreamBuffer(*(tags[name].copy() for name in TAG.names))
 
 
 class CustomMeasurement:
