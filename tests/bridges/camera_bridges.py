@@ -98,7 +98,9 @@ class Settings(unittest.TestCase):
 
     def test_lens_distortion_is_reported(self):
         # Shift of a corner in x and y: 0.1 * r^2 * x * 50 pixels, with x = y = 0.63 and r^2 = 0.7938.
+        every = dict(k1=0.1, k2=0.2, k3=-0.05, k4=0.02, k5=0.03, k6=0.04, p1=0.01, p2=-0.02)
         for vendor, lens, words in ((ORBBEC, mock.patch.object(pyorbbecsdk.distortion, "k1", 0.1), "up to 3.54 pixel"),
+                                    (ORBBEC, mock.patch.multiple(pyorbbecsdk.distortion, **every), "up to 7.84 pixel"),
                                     (REALSENSE, mock.patch.object(pyrealsense2, "coeffs", [0, 0.5]), "coefficients 0, 0.5\n")):
             self.assertNotIn(words, open_camera(vendor)[1])
             with lens:

@@ -18,6 +18,9 @@ class Case(unittest.TestCase):
     def setUp(self):
         self.dir = self.new_folder(self.enterContext)
 
+    def call(self, *words, **how):
+        return call(self.dir, *words, **how)
+
     def lab(self, *command, options=(), simulator=(bin_dir / "echofuse-sim", "lab")):
         """Runs a command in the simulated laboratory self.dir/lab. Returns the finished process (waiting.run)."""
         return waiting.run([*simulator, "--dir", self.dir / "lab", *options, "--", *command], text=True, timeout=180,

@@ -8,13 +8,14 @@ import json
 import os
 import pathlib
 import re
+import resource
 import shutil
 import sqlite3
 import struct
 import subprocess
 import sys
+import tempfile
 import threading
-import time
 import zlib
 
 from case import SharedCase, bin_dir, main, source
@@ -143,30 +144,17 @@ class DamagedInputs(SharedCase):
         cls.shapes = dict(fixtures.query(cls.seed, "SELECT name, count FROM axis"))
 
     def command(self, *words):
-        out, err = self.dir / "out", self.dir / "err"
-        began = time.monotonic()
-        with open(out, "wb") as o, open(err, "wb") as e:
-            program = words[0] if words[0] == sys.executable else bin_dir / f"echofuse-{words[0]}"
-            process = subprocess.Popen(list(map(str, (program, *words[1:]))), stdout=o, stderr=e, stdin=subprocess.DEVNULL, cwd=self.dir,
-                                       env=os.environ | {"PYTHONPATH": str(PACKAGE)})
-            while True:
-                pid, status, usage = os.wait4(process.pid, os.WNOHANG)
-                if pid:
-                    break
-                if time.monotonic() > began + MOST_S:
-                    process.kill()
-                    os.wait4(process.pid, 0)
-                    process.returncode = -9
-                    self.fail(f"{words} did not end within {MOST_S} s")
-                time.sleep(0.002)
-        process.returncode = os.waitstatus_to_exitcode(status)
-        said = err.read_bytes()
-        self.assertIn(process.returncode, DOCUMENTED, (words, said[-500:]))
-        self.assertLess(usage.ru_maxrss / 1024, MOST_MIB, words)
-        self.assertIsNone(re.search(rb"[\x00-\x08\x0b-\x1f\x7f]", out.read_bytes() + said), (words, said[:300]))
-        if process.returncode == 1:
+        program = words[0] if words[0] == sys.executable else bin_dir / f"echofuse-{words[0]}"
+        done = subprocess.run(list(map(str, (program, *words[1:]))), capture_output=True, stdin=subprocess.DEVNULL,
+                              cwd=self.dir, env=os.environ | {"PYTHONPATH": str(PACKAGE)}, timeout=MOST_S)
+        said = done.stderr
+        self.assertIn(done.returncode, DOCUMENTED, (words, said[-500:]))
+        # The largest process so far.
+        self.assertLess(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024, MOST_MIB, words)
+        self.assertIsNone(re.search(rb"[\x00-\x08\x0b-\x1f\x7f]", done.stdout + said), (words, said[:300]))
+        if done.returncode == 1:
             self.assertEqual(said.count(b"\n"), 1, (words, said))
-        return process.returncode, out.read_bytes(), said.decode()
+        return done.returncode, done.stdout, said.decode()
 
     def make(self, change, seed=None):
         run = self.dir / "run.sqlite"
@@ -180,7 +168,9 @@ class DamagedInputs(SharedCase):
 
     def attack(self, run, *only):
         """Runs commands on a run file and returns the exit code of each command."""
-        d, codes, self.said = self.dir, {}, ""
+        codes, self.said = {}, ""
+        folder = tempfile.TemporaryDirectory()
+        d = pathlib.Path(self.enterContext(folder))
         commands = {"info": ["acquire", "info", run], "json": ["acquire", "info", run, "--json"],
                     "export": ["export", run, "--to", d / "x.h5"], "python": [sys.executable, "-c", READ, run],
                     "view": ["view", run, "--save", d / "x.html"], "report": ["report", d / "page", "--live", run],
@@ -190,18 +180,14 @@ class DamagedInputs(SharedCase):
                     "train": ["recon", "train", run, "--out", d / "x.model.h5", "--model", "mean", "-q"],
                     "label": ["acquire", "annotate", run, "--label", "hello"], "note": ["acquire", "annotate", run, "hello"]}
         for name in only or ("info", "json", "export", "csv", "evaluate", "reconstruct", "train", "label", "note"):
-            words = commands[name]
             before = run.read_bytes() if run.is_file() else None
-            codes[name], out, said = self.command(*words)
+            codes[name], out, said = self.command(*commands[name])
             self.said += said
             if name == "json" and codes[name] == 0:
                 json.loads(out.decode("utf-8"))
             if name != "note" and before is not None:
                 self.assertEqual(run.read_bytes(), before, f"{name} changed the run")
-            for left in (d / "x.h5", d / "x.csv", d / "x.model.h5", d / "x.html"):
-                left.unlink(missing_ok=True)
-            for left in "maps", "page":
-                shutil.rmtree(d / left, ignore_errors=True)
+        folder.cleanup()
         return codes
 
     def check(self, rows, seed=None):

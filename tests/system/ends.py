@@ -31,16 +31,11 @@ class Ends(live.Live):
         end = json.loads(told.splitlines()[-1])
         self.assertNotIn("to stdout", told)
         self.assertEqual((end["event"], end["code"], end["on_disk"]), ("end", code, records))
-        calls = self.calls.read_text().splitlines() if self.calls.exists() else []
-        runs = [call for call in calls if call.startswith("run ")]
-        self.assertEqual(runs[0], "run started recording")
-        self.assertTrue(runs[-1].startswith("run ended ") and text in runs[-1], runs)
-        self.assertEqual(len(viewers_of(self.run)), 1)
-        self.stop_viewers()
-
-    def stop_viewers(self):
-        for viewer in viewers_of(self.run):
-            os.kill(viewer, signal.SIGTERM)
+        first, *_, last = [call for call in self.calls.read_text().splitlines() if call.startswith("run ")]
+        self.assertEqual(first, "run started recording")
+        self.assertRegex(last, f"^run ended .*{text}")
+        viewer, = viewers_of(self.run)
+        os.kill(viewer, signal.SIGTERM)
         wait_for("the end of the viewer", lambda: not viewers_of(self.run))
 
     def test_complete_run_reports_its_end(self):
@@ -82,8 +77,7 @@ class Ends(live.Live):
             return live.not_checked("interrupt before slot 0", "slot 0 began before the signal")
         self.assertEqual((daemon.returncode, json.loads(told.splitlines()[-1])["code"]), (130, 130), log)
         self.assertIn("nothing was recorded", log)
-        self.assertEqual(list(self.dir.glob("run.sqlite*")), [])
-        self.assertEqual(viewers_of(self.run), [])
+        self.assertEqual((list(self.dir.glob("run.sqlite*")), viewers_of(self.run)), ([], []))
 
 
 live.main(Ends)

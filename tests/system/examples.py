@@ -10,9 +10,6 @@ examples = source / "recon/examples"
 
 
 class Examples(case.Case):
-    def call(self, *words, **how):
-        return case.call(self.dir, *words, **how)
-
     def test_each_example_has_30_to_60_lines_and_a_link_in_the_readme(self):
         front = (source / "README.md").read_text(encoding="utf-8")
         for path in [*examples.rglob("*.*pp"), *examples.glob("*.py"), *(source / "drivers/examples").glob("*.cpp")]:

@@ -33,14 +33,15 @@ def differences(documented, found, place):
 
 
 class JsonKeys(case.Case):
-    def call(self, *words, **how):
-        return case.call(self.dir, *words, **how)
-
     def check(self, output, text):
         found = json.loads(text)
         self.assertEqual(found["schema"], 1, output)
         self.assertEqual(list(differences(schema[output], found, output)), [])
         return found
+
+    def printed(self, output, *words):
+        """Runs a command of the schema. Returns its checked output."""
+        return self.check(output, self.call(*output.split()[:2], *words, "--json"))
 
     def test_json_output_of_every_command_is_documented(self):
         documented = {" ".join(output.split()[:2]) for output in schema if output != "how to read"}
@@ -64,32 +65,32 @@ class JsonKeys(case.Case):
         self.call(*lab, ok=(0, 5, 130))
         read = lambda name: (self.dir / "lab" / f"{name}.json").read_text()
         codes = (self.dir / "lab/codes").read_text() + (self.dir / "lab/log").read_text()
-        self.assertTrue(self.check("echofuse-acquire devices", read("devices"))["configured"], codes)
-        self.assertTrue(self.check("echofuse-acquire doctor", read("doctor"))["checks"], codes)
-        self.assertTrue(self.check("echofuse-acquire calibrate", read("calibrate"))["sensors"], codes)
+        for command, key in ("devices", "configured"), ("doctor", "checks"), ("calibrate", "sensors"):
+            self.assertTrue(self.check(f"echofuse-acquire {command}", read(command))[key], codes)
         events = [self.check("echofuse-acquire run", line)["event"] for line in read("run").splitlines()]
         self.assertEqual((events[0], events[-1], set(events)), ("run", "end", {"run", "records", "end"}), codes)
         self.assertTrue(any(run["live"] for run in self.check("echofuse-acquire list", read("list"))["runs"]))
-        self.assertTrue(self.check("echofuse-acquire info", self.call("echofuse-acquire", "info", "--json", "lab/live"))["devices"])
+        self.assertTrue(self.printed("echofuse-acquire info", "lab/live")["devices"])
 
     def test_json_output_of_run_and_model_commands_matches_the_schema(self):
-        self.call("echofuse-sim", "dataset", "-q", "--people", 60, "--letters", 0, "--out", "a.sqlite", "--set", "radar_antennas=8")
-        self.call("echofuse-sim", "dataset", "-q", "--people", 30, "--letters", 0, "--seed", 2, "--out", "b.sqlite", "--set", "radar_antennas=8")
-        self.assertTrue(self.check("echofuse-sim config", self.call("echofuse-sim", "config", "--json"))["settings"])
-        self.assertTrue(self.check("echofuse-acquire verdicts", self.call("echofuse-acquire", "verdicts", "--json"))["verdicts"])
-        info = self.check("echofuse-acquire info", self.call("echofuse-acquire", "info", "--json", "a"))
-        self.assertTrue(info["array"]["places"])
-        self.assertEqual(len(self.check("echofuse-recon rows", self.call("echofuse-recon", "rows", "-q", "a.sqlite", "--json"))["records"]), 60)
+        for name, people in ("a", 60), ("b", 30):
+            self.call("echofuse-sim", "dataset", "-q", "--people", people, "--letters", 0, "--seed", people, "--out",
+                      f"{name}.sqlite", "--set", "radar_antennas=8")
         for model in ("mean-shape", "mean"):
             self.call("echofuse-recon", "train", "-q", "a.sqlite", "--model", model, "--out", f"{model}.safetensors")
-        found = self.check("echofuse-recon evaluate", self.call("echofuse-recon", "evaluate", "-q", "--json", "--per-record", "t.csv", "mean-shape.safetensors", "mean.safetensors",
-                                                                   "b.sqlite"))
+        self.assertTrue(self.printed("echofuse-sim config")["settings"])
+        self.assertTrue(self.printed("echofuse-acquire verdicts")["verdicts"])
+        self.assertTrue(self.printed("echofuse-acquire info", "a")["array"]["places"])
+        self.assertEqual(len(self.printed("echofuse-recon rows", "-q", "a.sqlite")["records"]), 60)
+        models = "mean-shape.safetensors", "mean.safetensors"
+        found = self.printed("echofuse-recon evaluate", "-q", "--per-record", "t.csv", *models, "b.sqlite")
         self.assertTrue(found["paired"] and found["calibration"] and found["domain_shift"])
-        self.assertTrue(self.check("echofuse-recon compare", self.call("echofuse-recon", "compare", "t.csv", "--json"))["methods"][1]["difference"])
+        self.assertTrue(self.printed("echofuse-recon compare", "t.csv")["methods"][1]["difference"])
         for row in found["rows"]:
-            self.assertEqual(list(differences(schema["echofuse-recon evaluate"], row | {"schema": 1, "data_crc32c": ""}, "rows")), [])
+            row |= {"schema": 1, "data_crc32c": ""}
+            self.assertEqual(list(differences(schema["echofuse-recon evaluate"], row, "rows")), [])
         self.call("echofuse-recon", "reconstruct", "-q", "mean-shape.safetensors", "b.sqlite", "--format", "npy", "--out", "maps")
-        self.check("echofuse-recon evaluate --maps", self.call("echofuse-recon", "evaluate", "-q", "--json", "--maps", "maps", "b.sqlite", "--train", "a.sqlite"))
+        self.printed("echofuse-recon evaluate --maps", "-q", "--maps", "maps", "b.sqlite", "--train", "a.sqlite")
 
 
 case.main(JsonKeys)

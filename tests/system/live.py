@@ -17,7 +17,7 @@ import termios
 import threading
 import time
 
-from case import Case, bin_dir, call, main
+from case import Case, bin_dir, main
 import fixtures
 from waiting import not_checked, starved, wait_for
 
@@ -118,8 +118,8 @@ class Live(Case):
                           **{"env": self.environment(), "stderr": subprocess.PIPE, "text": True} | how)
 
     def acquire(self, command, *options, config="lab/lab.toml"):
-        return subprocess.run([bin_dir / "echofuse-acquire", command, "--config", self.dir / config, *map(str, options)], env=self.environment(),
-                              text=True, capture_output=True, timeout=60)
+        return fixtures.outcome("echofuse-acquire", command, "--config", self.dir / config, *options, env=self.environment(),
+                                timeout=60)
 
     def finish(self, daemon, how=None, code=0, timeout_s=30):
         """Sends the signal `how`, if any, and waits for the end of the daemon. Checks the exit code, except for None.
@@ -136,7 +136,7 @@ class Live(Case):
         return json.loads((self.dir / "lab/sent.json").read_text())
 
     def info(self):
-        return json.loads(call(self.dir, "echofuse-acquire", "info", "--json", self.run))
+        return fixtures.json_of("echofuse-acquire", "info", self.run)
 
     def rows(self):
         return fixtures.query(self.run, "SELECT * FROM record ORDER BY idx", by_name=True)
@@ -163,11 +163,10 @@ class Live(Case):
         """Checks that the rows are consecutive slots, and that each tag is counted exactly once."""
         window_ns = round(WINDOW_S * 1e9)
         for k, row in enumerate(rows):
-            self.assertEqual(row["idx"], k)
-            self.assertEqual(row["slot_start_ns"], rows[0]["slot_start_ns"] + k * window_ns)
-            self.assertEqual(row["slot_end_ns"], row["slot_start_ns"] + window_ns)
-            self.assertEqual(row["tags"], sum(row[c] for c in ("starts", "in_range", "out_of_range", "without_start",
-                                                               "other")))
+            begin_ns = rows[0]["slot_start_ns"] + k * window_ns
+            tags = sum(row[kind] for kind in ("starts", "in_range", "out_of_range", "without_start", "other"))
+            self.assertEqual((row["idx"], row["slot_start_ns"], row["slot_end_ns"], row["tags"]),
+                             (k, begin_ns, begin_ns + window_ns, tags))
             if row["valid"] & 1:
                 counts = struct.unpack(f"<{len(row['spd']) // 4}I", row["spd"])
                 self.assertEqual(sum(counts), row["in_range"])
@@ -191,13 +190,10 @@ class Live(Case):
         self.assertEqual((counts["depth_x"], counts["map_x"], counts["map_y"]), (320, 96, 96))
         if late:
             return not_checked("completeness of the slots", late)
-        self.assertEqual(len(self.complete(rows)), len(rows), log)
-        self.assertEqual(info["events"], {}, log)
-        self.assertEqual(sent["tdc"]["dropped"], 0)
+        self.assertEqual((len(self.complete(rows)), info["events"], sent["tdc"]["dropped"]), (len(rows), {}, 0), log)
         self.assertRegex(log, r"record \d+/1000  SRD")
         # The three devices use the same time base, and their delays are below 10 ms.
-        offsets = [info["clocks"][s]["offset_s"] for s in info["clocks"]]
-        self.assertIn("spd", info["clocks"])
+        offsets = [info["clocks"][sensor]["offset_s"] for sensor in ("spd", *info["clocks"])]
         self.assertLess(max(offsets) - min(offsets), 0.01, info["clocks"])
 
     def test_terminal_hangup_ends_each_device_command(self):
@@ -215,8 +211,7 @@ class Live(Case):
             said = program.communicate(timeout=20)[1]
             self.assertEqual(program.returncode, 0 if name == "run" else 130, (name, said))
             wait_for(f"the radar to stop after {name}", self.silent)
-        self.assertEqual(self.info()["status"], "complete")
-        self.assertEqual(self.info()["records"], len(self.rows()))
+        self.assertEqual((self.info()["status"], self.info()["records"]), ("complete", len(self.rows())))
         ignoring = self.start(["nohup", bin_dir / "echofuse-acquire", *commands["run"][:4], self.dir / "kept", "--count", "8"],
                               env=self.environment(), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         wait_for("run file", (self.dir / "kept.sqlite").exists)
@@ -269,7 +264,7 @@ class Live(Case):
                 counts = [event["on_disk"] for event in events]
                 self.assertEqual((counts, counts[-1]), (sorted(set(counts)), 22))
                 # The dropped lines are status lines.
-                for words in "record 21: committed", "22 of 22 records, complete", r"\d+ log lines dropped \(terminal blocked\)":
+                for words in ("21: committed", "22 of 22 records, complete", r"\d+ log lines dropped \(terminal blocked\)"):
                     self.assertRegex(terminal.text, words)
 
     def test_notes_and_labels_can_be_added_to_a_live_run(self):
@@ -283,12 +278,11 @@ class Live(Case):
         told = annotate("--label", "person")
         first = int(re.fullmatch(rf'0: {re.escape(str(self.run))}: label "person" from record (\d+) on\n', told)[1])
         wait_for("records", lambda: self.committed() >= first + 3)
-        call(self.dir, "echofuse-export", self.run, "--to", "live.h5")
+        self.call("echofuse-export", self.run, "--to", "live.h5")
         self.finish(daemon, signal.SIGINT)
         rows = self.rows()
         self.check_slots(rows)
-        self.assertEqual(self.info()["status"], "complete")
-        self.assertFalse(pathlib.Path(f"{self.run}-wal").exists())
+        self.assertEqual((self.info()["status"], pathlib.Path(f"{self.run}-wal").exists()), ("complete", False))
         labels = [row["label"] for row in rows]
         begin = labels.index("person")
         self.assertEqual(labels, ["empty"] * begin + ["person"] * (len(labels) - begin))

@@ -1,9 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Compares names and defaults in the manuals with the programs: settings, columns, metrics, file formats, exit codes
-and the output of doctor. Each public name must have one meaning in C++, Python, JSON, CSV and netCDF: the table of names in
-acquire/GLOSSARY.md must contain every name that at least two of these interfaces use. tests/lint.py compares commands and
-options."""
+"""Compares names and defaults in the manuals with the programs. Each public name must have one meaning in C++, Python, JSON,
+CSV and netCDF: the table of names in acquire/GLOSSARY.md must contain every name that at least two of these interfaces use."""
 import inspect
 import json
 import pathlib
@@ -111,9 +109,8 @@ class Facts(case.SharedCase):
         self.assertGreater(stated, 1)
 
     def test_lab_toml_lists_all_limits(self):
-        listed = settings_of((source / "config/lab.toml").read_text(encoding="utf-8"))
-        for section in ("signal", "alert"):
-            self.assertEqual({name for name in listed if name.startswith(section)}, {name for name in self.acquire if name.startswith(section)})
+        limits = lambda settings: {name for name in settings if name.startswith(("signal", "alert"))}
+        self.assertEqual(limits(settings_of((source / "config/lab.toml").read_text(encoding="utf-8"))), limits(self.acquire))
 
     def test_run_file_page_lists_all_tables_and_columns(self):
         page = manual("acquire/RUN_FILE.md").partition("### Tables and columns")[2].partition("\n## ")[0]
@@ -137,22 +134,15 @@ class Facts(case.SharedCase):
         explained = spans(manual("recon/README.md")) + spans(manual("recon/WHEN_IT_FAILS.md"))
         self.assertEqual([name for name in header if name not in ("record", "status") and name not in explained], [])
 
-    def test_metrics_page_lists_the_metrics_of_evaluate(self):
-        printed = json.loads(self.call("echofuse-recon", "evaluate", "mean.safetensors", "zones.sqlite", "--json"))["metrics"]
-        listed = first_column(manual("recon/README.md").partition("\n## Metrics")[2].partition("\n## ")[0])
-        self.assertEqual(sorted(listed), sorted(printed))
-
-    def test_table_of_map_formats_is_complete(self):
-        help_text = self.call("echofuse-recon", "reconstruct", "--help")
-        formats = re.search(r"--format TEXT:\{([\w,]+)\}", help_text)[1].split(",")
-        listed = first_column(manual("recon/README.md").partition("\n## Depth map files")[2].partition("\n## ")[0])
-        self.assertEqual(sorted(listed), sorted(formats))
-
-    def test_table_of_models_is_complete(self):
-        help_text = " ".join(self.call("echofuse-recon", "train", "--help").split())
-        models = re.findall(r"([a-z-]+)(?:\[[^]]*\])*,", re.search(r"kind of model, one of: (.*?) paper", help_text)[1])
-        listed = first_column(manual("recon/MODELS.md").partition("\n## Model types")[2].partition("\n## ")[0])
-        self.assertEqual(sorted(listed), sorted(models))
+    def test_tables_of_metrics_formats_and_models_are_complete(self):
+        metrics = json.loads(self.call("echofuse-recon", "evaluate", "mean.safetensors", "zones.sqlite", "--json"))["metrics"]
+        formats = re.search(r"--format TEXT:\{([\w,]+)\}", self.call("echofuse-recon", "reconstruct", "--help"))[1].split(",")
+        train_help = " ".join(self.call("echofuse-recon", "train", "--help").split())
+        kinds = re.search(r"kind of model, one of: (.*?) paper", train_help)[1]
+        for page, heading, names in (("README", "Metrics", metrics), ("README", "Depth map files", formats),
+                                     ("MODELS", "Model types", re.findall(r"([a-z-]+)(?:\[[^]]*\])*,", kinds))):
+            listed = first_column(manual(f"recon/{page}.md").partition(f"\n## {heading}")[2].partition("\n## ")[0])
+            self.assertEqual(sorted(listed), sorted(names), heading)
 
     def test_table_of_exit_codes_is_complete(self):
         stated = set(re.findall(r"^\| (\d+) \|", manual("acquire/SERVICE.md").partition("## Exit codes")[2], re.M))

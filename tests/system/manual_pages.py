@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
 """Tests that scripts/manual builds all pages, with links and anchors that exist, and documents every public name."""
-import html.parser
+import html
 import importlib.util
 import json
+import re
 import shutil
 import subprocess
 import sys
@@ -23,32 +24,19 @@ if missing:
     sys.exit(77)
 
 
-class Page(html.parser.HTMLParser):
-    """Collects the links and the names of an HTML page."""
-
-    def __init__(self, path):
-        super().__init__()
-        self.links, self.names = [], set()
-        self.feed(path.read_text(encoding="utf-8"))
-
-    def handle_starttag(self, tag, attrs):
-        given = dict(attrs)
-        self.names |= {given[key] for key in ("id", "name") if given.get(key)}
-        self.links += [given[key] for key in ("href", "src") if given.get(key)]
-
-
 def broken_links(folder):
     """Returns the links to files and names that do not exist, and the number of links to names."""
-    pages = {path: Page(path) for path in folder.rglob("*.html") if "api" not in path.parts}
+    pages = {path: path.read_text(encoding="utf-8") for path in folder.rglob("*.html") if "api" not in path.parts}
+    names = {path: set(re.findall(r'\b(?:id|name)="([^"]+)"', page)) for path, page in pages.items()}
     broken, named = [], 0
     for path, page in pages.items():
-        for link in page.links:
+        for link in map(html.unescape, re.findall(r'\b(?:href|src)="([^"]+)"', page)):
             parts = urllib.parse.urlsplit(link)
             if parts.scheme or parts.netloc:
                 continue
             target = (path.parent / urllib.parse.unquote(parts.path)).resolve() if parts.path else path
             named += bool(parts.fragment)
-            if not target.exists() or parts.fragment and target in pages and parts.fragment not in pages[target].names:
+            if not target.exists() or parts.fragment and parts.fragment not in names.get(target, {parts.fragment}):
                 broken.append(f"{path.relative_to(folder)}: {link}")
     return broken, named
 

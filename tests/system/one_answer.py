@@ -53,21 +53,20 @@ def doubtful(verdicts):
 
 def of_info(run):
     told = json.loads(outcome("echofuse-acquire", "info", "--json", run).stdout)
-    out = {key: told[key] for key in ("records", "status", "valid", "lost", "labels", "verdicts", "uuid", "meta", "doubtful", "doubts")}
-    return out | {"started": told["started_utc"], "ended": told["ended_utc"], "incomplete": told["incomplete"],
-                  "all_valid": told["all_valid"], "operator": told["operator"], "window_s": told["window_s"],
-                  "unwritten": told["counters"].get("run", {}).get("unwritten", 0), "events": sum(told["events"].values()),
+    keys = "records status valid lost labels verdicts uuid meta doubtful doubts incomplete all_valid operator window_s"
+    out = {key: told[key] for key in (*keys.split(), "started_utc", "ended_utc", "first_slot_utc")}
+    return out | {"unwritten": told["counters"].get("run", {}).get("unwritten", 0), "events": sum(told["events"].values()),
                   "notes": [told["notes"]] * bool(told["notes"]) + [m["text"] for m in told["marks"] if m["kind"] == "note"],
-                  "first_slot": told["first_slot_utc"], "leftovers": [pathlib.Path(file).name for file in told["leftovers"]],
+                  "leftovers": [pathlib.Path(file).name for file in told["leftovers"]],
                   "unconfigured": [s for s in SENSORS if set(told["verdicts"][s]) == {"not configured"}]}
 
 
 def of_list(run):
     told = json.loads(outcome("echofuse-acquire", "list", "--json", run.parent).stdout)["runs"]
     one, = (entry for entry in told if entry["path"] == str(run))
-    return {key: one[key] for key in ("records", "status", "valid", "labels", "doubtful", "notes", "operator", "window_s")} | {
-        "doubts": one["verdict"], "started": one["started_utc"], "leftovers": [pathlib.Path(file).name for file in one["leftovers"]],
-        "length_s": round(one["length_s"], 3)}
+    keys = "records status valid labels doubtful notes operator window_s started_utc"
+    return {key: one[key] for key in keys.split()} | {"doubts": one["verdict"], "length_s": round(one["length_s"], 3),
+                                                      "leftovers": [pathlib.Path(file).name for file in one["leftovers"]]}
 
 
 def of_view(run):
@@ -85,8 +84,8 @@ def of_view(run):
     facts = dict(map(tuple, head["facts"]))
     there = [s for s in SENSORS if sensors[s]["configured"]]
     return {"records": n, "status": state["status"], "doubts": state["doubts"], "uuid": head["uuid"], "operator": head["operator"],
-            "lost": {s: sensors[s]["lost"] for s in SENSORS}, "started": head["started_utc"], "ended": facts.get("ended", ""),
-            "window_s": head["window_s"], "length_s": round(state["elapsed_s"], 3),
+            "lost": {s: sensors[s]["lost"] for s in SENSORS}, "started_utc": head["started_utc"],
+            "ended_utc": facts.get("ended", ""), "window_s": head["window_s"], "length_s": round(state["elapsed_s"], 3),
             "valid": {s: n - sensors[s]["missing"] if s in there else 0 for s in SENSORS},
             "notes": [head["notes"]] * bool(head["notes"]) + [e["text"] for e in state["events"] if e["level"] == "note"],
             "unconfigured": [s for s in SENSORS if n and s not in there]}
@@ -99,15 +98,16 @@ def of_python(run):
         counters = opened.table("counter")
         record = opened.table("record")
         notes = [text for _, level, _, text in opened.events() if level == "note"]
-        return {"records": len(opened), "status": info["status"], "uuid": info["uuid"], "meta": opened.meta, "started": info["started_utc"],
-                "ended": info["ended_utc"], "operator": info["operator"], "window_s": info["window_s"],
-                "valid": {s: int(opened.valid[s].sum()) for s in SENSORS}, "labels": dict(Counter(opened.labels)),
+        stored = {key: info[key] for key in ("status", "uuid", "started_utc", "ended_utc", "operator", "window_s")}
+        return stored | {
+                "records": len(opened), "meta": opened.meta, "labels": dict(Counter(opened.labels)),
+                "valid": {s: int(opened.valid[s].sum()) for s in SENSORS},
                 "all_valid": int(np.all(list(opened.valid.values()), 0).sum()),
                 "lost": {s: int(told[f"{s}_lost"].sum()) for s in SENSORS}, "verdicts": {s: kinds(verdicts[s]) for s in SENSORS},
                 "doubtful": doubtful(verdicts), "incomplete": int((record["missing"] > 0).sum()), "events": len(opened.events()),
                 "notes": [info["notes"]] * bool(info["notes"]) + notes, "follow": len(list(opened.follow())),
                 "unwritten": int(counters["value"][counters["name"] == b"unwritten"].sum()),
-                "first_slot": f"{np.datetime64(opened.time[0], 'ms')}Z" if len(opened) else "",
+                "first_slot_utc": f"{np.datetime64(opened.time[0], 'ms')}Z" if len(opened) else "",
                 "unconfigured": [s for s in SENSORS if set(verdicts[s]) == {"not configured"}]}
 
 
@@ -125,7 +125,7 @@ def of_hdf5(run, folder):
         notes = [what for level, what in zip(text(event["level"][()]), text(event["text"][()])) if level == "note"]
         meta = json.loads(entry["tables/run/meta"][0])
         meta.pop("wal_key", None)
-        return {"records": len(valid), "status": one("status"), "started": one("start_time"), "ended": one("end_time"),
+        return {"records": len(valid), "status": one("status"), "started_utc": one("start_time"), "ended_utc": one("end_time"),
                 "operator": one("operator"), "uuid": one("entry_identifier"), "meta": meta,
                 "valid": {s: int((valid & bit > 0).sum()) for s, bit in SENSORS.items()}, "all_valid": int((valid == 7).sum()),
                 "labels": dict(Counter(text(entry["data/label"][()]))), "verdicts": {s: kinds(verdicts[s]) for s in SENSORS},
@@ -173,15 +173,11 @@ class OneAnswer(live.Live):
     def check(self, name, **expected):
         run = self.dir / f"{name}.sqlite"
         told = self.answers(run)
-        asked = {question for answers in told.values() for question in answers}
-        for question in sorted(asked):
+        for question in sorted(set().union(*told.values())):
             with self.subTest(run=name, question=question):
                 found = {program: answers[question] for program, answers in told.items() if question in answers}
-                values = list(found.values())
-                self.assertTrue(all(value == values[0] for value in values), found)
-        for question, value in expected.items():
-            with self.subTest(run=name, question=question):
-                self.assertEqual(told["Python"].get(question, told["info"].get(question)), value)
+                for program, answer in found.items():
+                    self.assertEqual(answer, expected.get(question, [*found.values()][0]), (program, found))
         return told["info"]
 
     def check_scored(self):
@@ -221,16 +217,15 @@ class OneAnswer(live.Live):
 
         odd = self.check("odd", status="complete", meta={"lens": "50mm"} | of_info(self.dir / "odd.sqlite")["meta"],
                          notes=["the lens was dirty", "<b>a second note</b>"])
-        self.assertGreater(odd["doubtful"], 0)
-        self.assertGreater(odd["incomplete"], 0)
+        self.assertGreater(min(odd["doubtful"], odd["incomplete"]), 0)
         full = self.check("full", status="stopped:disk", unconfigured=["depth"], leftovers=[])
         self.assertGreater(full["unwritten"], 0)
         self.check("one", records=1, labels={"a b": 1}, leftovers=["one.sqlite-wal"])
         self.check("T4.2K", records=2, status="complete")
-        self.check("alone", status="crashed, no -wal", ended="")
+        self.check("alone", status="crashed, no -wal", ended_utc="")
         self.check("emptied", status="crashed, no -wal")
         self.check("snapshot", status="copy of an open run")
-        self.assertGreaterEqual(self.check("killed", status="crashed", ended="")["records"], 4)
+        self.assertGreaterEqual(self.check("killed", status="crashed", ended_utc="")["records"], 4)
         self.check("zero")
         self.check_scored()
 

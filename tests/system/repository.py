@@ -1,11 +1,8 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: MIT
-"""Tests the repository's scripts and results: files of the Debian package without building it (scripts/check_fresh --package
-tests built packages), the exit status of scripts/test and its list of skipped tests with a substitute for ctest, and the
-results in the manuals and pictures, which must be those of recon/results/*.csv.
-
-Charts in .readme/ must contain only strings from the current scripts and model names from the current programs. page.png and
-page.webp must contain only headings and buttons of the current page. The labels in a sketch must not overlap lines."""
+"""Tests the repository's scripts and results: files of the Debian package without building it, the exit status of scripts/test
+and its list of skipped tests with a substitute for ctest, and the results in the manuals and pictures, which must be those of
+recon/results/*.csv."""
 import ast
 import hashlib
 import importlib.machinery
@@ -44,7 +41,7 @@ class Package(unittest.TestCase):
         """The removal script deletes the bytecode of the bridges. It stops the service only when the package is
         removed."""
         for action, stops in (("remove", True), ("upgrade", False), ("deconfigure", False)):
-            with self.subTest(action), tempfile.TemporaryDirectory() as name:
+            with tempfile.TemporaryDirectory() as name:
                 folder = pathlib.Path(name)
                 cache = folder / "usr/lib/x86_64-linux-gnu/echofuse/bridges/__pycache__"
                 cache.mkdir(parents=True)
@@ -65,7 +62,7 @@ def executable(path, text):
     path.chmod(0o755)
 
 
-def run(status, output="100% tests passed, 0 tests failed out of 1", ci=""):
+def run(status, output, ci):
     """Runs scripts/test in a temporary folder. A fake ctest prints `output` and exits with `status`."""
     with tempfile.TemporaryDirectory() as folder:
         tree = pathlib.Path(folder)
@@ -80,19 +77,15 @@ def run(status, output="100% tests passed, 0 tests failed out of 1", ci=""):
 
 
 class SuiteScript(unittest.TestCase):
-    def test_suite_script_returns_the_exit_status_of_ctest(self):
-        for status in 0, 8:
-            with self.subTest(status=status):
-                done = run(status)
-                self.assertEqual((done.returncode, done.stderr), (status, ""))
-
-    def test_suite_script_fails_in_ci_if_a_skipped_test_gives_no_reason(self):
-        skipped = "1/1 Test #1: a.test ....***Skipped\n100% tests passed, 0 tests failed out of 1"
-        for ci, status in ("", 0), ("1", 1):
-            with self.subTest(ci=ci):
-                done = run(0, skipped, ci)
-                self.assertEqual((done.returncode, done.stderr), (status, ""))
-                self.assertIn("skipped: a.test: no reason given\n1 tests skipped, 0 checks not made", done.stdout)
+    def test_suite_script_returns_the_exit_status_and_fails_in_ci_if_a_skipped_test_gives_no_reason(self):
+        passed = "100% tests passed, 0 tests failed out of 1"
+        reason = "skipped: a.test: no reason given\n1 tests skipped, 0 checks not made"
+        skipped = f"1/1 Test #1: a.test ....***Skipped\n{passed}"
+        for code, output, ci, status, said in ((0, passed, "1", 0, ""), (8, passed, "", 8, ""), (0, skipped, "", 0, reason),
+                                               (0, skipped, "1", 1, reason)):
+            done = run(code, output, ci)
+            self.assertEqual((done.returncode, done.stderr), (status, ""))
+            self.assertIn(said, done.stdout)
 
 
 loader = importlib.machinery.SourceFileLoader("make_tables", str(root / "scripts/make_tables"))

@@ -1,7 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Tests that mistyped commands print the listed message and return the listed exit code. The command's help must list
-this exit code."""
+"""Tests that mistyped commands print the listed message and return the listed exit code, which their help must list."""
 import functools
 import pathlib
 import re
@@ -122,7 +121,7 @@ acquire devices --config closed.toml | 4 | Connection refused; is its bridge run
 @functools.cache
 def stated_codes(program, *command):
     """Returns the exit codes listed in the help of a command, or all exit codes if the help lists none."""
-    text = subprocess.run([bin_dir / f"echofuse-{program}", *command, "--help"], capture_output=True, text=True).stdout
+    text = fixtures.outcome(f"echofuse-{program}", *command, "--help").stdout
     found = re.search(r"^exit codes:(.*(?:\n .*)*)", text, re.M)
     return set(re.findall(r"(?:^|[ ,])(\d+) [a-z]", found[1])) if found and "COMMAND" not in found[1] else set("0123456")
 
@@ -143,15 +142,14 @@ with tempfile.TemporaryDirectory() as folder:
     (written / "closed.toml").write_text('[tdc]\naddress = "bridge:tcp://127.0.0.1:9"\n')
     (written / "dark.toml").write_text("")
     (written / "swapped.safetensors").write_bytes(struct.pack("<Q", 2) + b"{}")
-    for name in ("seen.sqlite", "dark.sqlite"):
-        subprocess.run([bin_dir / "echofuse-sim", "dataset", "-q", "--out", written / name, "--records", "12"], check=True)
-    fixtures.change(written / "dark.sqlite", "no camera data")
+    fixtures.program("echofuse-sim", "dataset", "-q", "--out", written / "seen.sqlite", "--records", 12)
+    fixtures.changed(written / "seen.sqlite", written / "dark.sqlite", "no camera data")
     for line in TABLE.strip().splitlines():
         words, code, says = (part.strip() for part in line.split(" | "))
         template = bin_dir.parent / "share/echofuse/lab.toml"
         program, *rest = shlex.split(words.replace("TEMPLATE", str(template)))
-        done = subprocess.run([bin_dir / f"echofuse-{program}", *rest], cwd=folder, capture_output=True, text=True, timeout=120,
-                              env={"HOME": folder, "PATH": "/usr/bin:/bin"})
+        environment = {"HOME": folder, "PATH": "/usr/bin:/bin"}
+        done = fixtures.outcome(f"echofuse-{program}", *rest, cwd=folder, timeout=120, env=environment)
         said = done.stdout + done.stderr
         command = re.match(r"(?:config (?:check|show)|[a-z]+|)", " ".join(rest))[0] if program in ("acquire", "recon", "sim", "bench") else ""
         if code not in stated_codes(program, *command.split()):

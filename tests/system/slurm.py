@@ -1,8 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Tests scripts/slurm on an emulated Slurm cluster of two nodes on this machine. One node fails during an array job,
-and the result must be bit-identical to the result of a single process. The test is skipped if it is not run as root, or
-if Debian's slurmctld, slurmd, slurm-client or munge is not installed."""
+"""Tests scripts/slurm on an emulated Slurm cluster of two nodes on this machine. One node fails during an array job, and the
+result must be bit-identical to the result of a single process. Requires root and Debian's Slurm packages."""
 import contextlib
 import functools
 import hashlib
@@ -13,7 +12,6 @@ import signal
 import socket
 import subprocess
 import sys
-import tempfile
 import unittest
 
 from case import Case, bin_dir, source
@@ -160,41 +158,33 @@ class Slurm(Case):
 IN_ARRAY = {"SLURM_JOB_ID": "9", "SLURM_ARRAY_TASK_ID": "3", "SLURM_ARRAY_TASK_COUNT": "2", "SLURM_ARRAY_TASK_MIN": "3"}
 
 
-class Resubmitted(unittest.TestCase):
+class Resubmitted(Case):
     """Runs the scripts without Slurm as if they were tasks of a partly resubmitted array."""
 
-    def task(self, folder, script, *words):
-        with tempfile.TemporaryDirectory() as spool:
-            copy = shutil.copy(scripts / script, f"{spool}/slurm_script")
-            return subprocess.run([copy, *words], cwd=folder, text=True, capture_output=True,
-                                  env={**os.environ, "PATH": f"{bin_dir}:{os.environ['PATH']}", **IN_ARRAY})
+    def task(self, script, *words):
+        copy = shutil.copy(scripts / script, f"{self.new_folder(self.enterContext)}/slurm_script")
+        return subprocess.run([copy, *words], cwd=self.dir, text=True, capture_output=True,
+                              env={**os.environ, "PATH": f"{bin_dir}:{os.environ['PATH']}", **IN_ARRAY})
 
     def test_slurm_scripts_submit_their_array_from_within_another_job(self):
-        with tempfile.TemporaryDirectory() as folder:
-            fixtures.executable(pathlib.Path(folder, "sbatch"), '#!/bin/sh\necho "$@" >> submitted\necho 7\n')
-            for environment in ({"SLURM_JOB_ID": "77"}, IN_ARRAY):
-                for script in ("dataset.sbatch", "study.sbatch"):
-                    subprocess.run([scripts / script, "4", "base"], cwd=folder, check=True, stdout=subprocess.DEVNULL,
-                                   env={**os.environ, "PATH": f"{folder}:{os.environ['PATH']}", **environment})
-            submitted = pathlib.Path(folder, "submitted").read_text().splitlines()
-            self.assertEqual(sum("--array=1-4" in line for line in submitted), 4, submitted)
-            merge = f"--dependency=afterok:7 {scripts / 'study.sbatch'} merge base"
-            self.assertEqual(submitted.count(merge), 2, submitted)
+        fixtures.executable(self.dir / "sbatch", '#!/bin/sh\necho "$@" >> submitted\necho 7\n')
+        for environment in ({"SLURM_JOB_ID": "77"}, IN_ARRAY):
+            for script in ("dataset.sbatch", "study.sbatch"):
+                subprocess.run([scripts / script, "4", "base"], cwd=self.dir, check=True, stdout=subprocess.DEVNULL,
+                               env={**os.environ, "PATH": f"{self.dir}:{os.environ['PATH']}", **environment})
+        submitted = (self.dir / "submitted").read_text().splitlines()
+        merge = f"--dependency=afterok:7 {scripts / 'study.sbatch'} merge base"
+        self.assertEqual((sum("--array=1-4" in line for line in submitted), submitted.count(merge)), (4, 2), submitted)
 
     def test_slurm_task_writes_only_its_part_of_the_data_set(self):
-        with tempfile.TemporaryDirectory() as folder:
-            done = self.task(folder, "dataset.sbatch", "8", ".", "--records", "16")
-            self.assertEqual(done.returncode, 0, done.stderr)
-            self.assertEqual(fixtures.query(f"{folder}/part-3.sqlite", "SELECT idx FROM record ORDER BY idx"), [(4,), (5,)])
-            said = self.task(folder, "study.sbatch", "8", "echo", "a study").stdout
-            self.assertEqual(said, "a study --part 3/8\n")
-            self.assertEqual(self.task(folder, "study.sbatch", "merge", "echo", "a study").stdout, "a study\n")
-
-    def test_slurm_task_with_an_invalid_part_number_leaves_no_file(self):
-        with tempfile.TemporaryDirectory() as folder:
-            for words in (["2", "."], ["none", "."]):
-                done = self.task(folder, "dataset.sbatch", *words)
-                self.assertEqual((done.returncode, os.listdir(folder)), (2, []), done.stderr)
+        for words in (["2", "."], ["none", "."]):  # invalid numbers of parts
+            done = self.task("dataset.sbatch", *words)
+            self.assertEqual((done.returncode, os.listdir(self.dir)), (2, []), done.stderr)
+        done = self.task("dataset.sbatch", "8", ".", "--records", "16")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertEqual(fixtures.query(self.dir / "part-3.sqlite", "SELECT idx FROM record ORDER BY idx"), [(4,), (5,)])
+        for part, said in ("8", "a study --part 3/8\n"), ("merge", "a study\n"):
+            self.assertEqual(self.task("study.sbatch", part, "echo", "a study").stdout, said)
 
 
 if "Resubmitted" not in sys.argv and (os.geteuid() != 0 or not all(shutil.which(name) for name in NEEDED)):

@@ -12,7 +12,7 @@ import unittest
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent / "system"))
 import live
-from case import call
+import fixtures
 from live import WINDOW_S, bin_dir, viewers_of, wait_for
 from page_socket import Browser
 
@@ -31,7 +31,7 @@ class LiveView(live.Live):
 
     def program(self, name, *words):
         """Runs a program in the folder of the test. Returns its output."""
-        return call(self.dir, f"echofuse-{name}", *words)
+        return self.call(f"echofuse-{name}", *words)
 
     def test_viewer_follows_a_recording_that_continues_in_new_files(self):
         daemon = self.record("--every", f"{3 * WINDOW_S}s", "--count", "5", "--json", "--view", "--model",
@@ -55,15 +55,14 @@ class LiveView(live.Live):
         client.until("record", lambda m: m["live"] and m["index"] > first)
 
         def here():
-            return [run for run in json.loads(self.program("acquire", "list", "--json", self.dir))["runs"] if run["path"] == str(self.run)]
-        self.assertEqual(len(here()), 1)
-        wait_for("ok of the SPD", lambda: here()[0]["live"]["sensors"].get("spd", {}).get("verdict") == "ok")
-        self.assertGreater(here()[0]["records"], 1)
+            runs = fixtures.json_of("echofuse-acquire", "list", self.dir)["runs"]
+            return next(run for run in runs if run["path"] == str(self.run))
+        wait_for("ok of the SPD", lambda: here()["live"]["sensors"].get("spd", {}).get("verdict") == "ok")
+        self.assertGreater(here()["records"], 1)
         self.assertRegex(self.program("acquire", "list", self.dir), rf"{self.run} is live; its last record is \S+ s old\n")
-        client.ask({"label": "person"})
-        client.ask({"mark": "door opened"})
-        self.assertTrue(client.until("answer")["ok"])
-        self.assertTrue(client.until("answer")["ok"])
+        for request in {"label": "person"}, {"mark": "door opened"}:
+            client.ask(request)
+            self.assertTrue(client.until("answer")["ok"])
         client.until("record", lambda m: m["label"] == "person")
         client.until("state", lambda m: any(e["level"] == "note" and e["text"] == "door opened" for e in m["events"]))
         client.until("state", lambda m: m["sensors"]["radar"]["valid"])

@@ -105,10 +105,7 @@ class Browser(Client):
             self.messages.put(end)
 
     def message(self):
-        try:
-            message = self.messages.get(timeout=self.socket.gettimeout())
-        except queue.Empty:
-            raise TimeoutError("no message") from None
+        message = self.messages.get(timeout=self.socket.gettimeout())
         if isinstance(message, Exception):
             raise message
         return message

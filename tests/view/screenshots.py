@@ -41,15 +41,11 @@ class Screenshots(page.Page):
             self.key(key)
             self.take(name)
 
-    def test_without_camera(self):
-        self.open("--set", "depth.address=")
-        self.take("without_camera")
-
     def test_faults(self):
         for device, fault in FAULTS:
-            kind, _, amount = fault.partition(" = ")
-            faults = self.dir / "faults.toml"
-            faults.write_text(f'[[fault]]\ndevice = "{device}"\nkind = "{kind}"\nat_s = 2\nfor_s = 1000\n' + (f"amount = {amount}\n" if amount else ""))
+            kind, equals, amount = fault.partition(" = ")
+            faults, amounts = self.dir / "faults.toml", f"amount{equals}{amount}\n" * bool(amount)
+            faults.write_text(f'[[fault]]\ndevice = "{device}"\nkind = "{kind}"\nat_s = 2\nfor_s = 1000\n{amounts}')
             self.close_lab()
             self.open_again("--faults", faults)
             self.run = self.dir / f"{device}_{kind}{amount}.sqlite"
@@ -60,9 +56,13 @@ class Screenshots(page.Page):
             daemon.terminate()
             daemon.wait(20)
 
-    def test_disk_low(self):
-        self.open("--set", "alert.disk_free_gb=1e6")
-        self.take("disk_low")
+    def test_settings(self):
+        for name, setting in ("without_camera", "depth.address="), ("disk_low", "alert.disk_free_gb=1e6"):
+            self.run = self.dir / f"{name}.sqlite"
+            daemon = self.open("--set", setting)
+            self.take(name)
+            daemon.terminate()
+            daemon.wait(20)
 
     def test_disk_full(self):
         self.open(preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (1 << 20, 1 << 20)))

@@ -71,22 +71,19 @@ class Server(SharedCase):
         run = client.until("run")
         self.assertEqual((run["file"], run["model"], run["may_write"]), ("scenes.sqlite", None, False))
         state = client.until("state")
-        self.assertEqual((state["status"], state["records"], state["last_index"]), ("complete", RECORDS, RECORDS - 1))
+        found = [state[key] for key in ("status", "records", "last_index", "doubts")]
+        self.assertEqual(found, ["complete", RECORDS, RECORDS - 1, ""])
         self.assertEqual(state["sensors"]["spd"]["verdict"], "ok")
-        self.assertEqual(state["doubts"], "")
         self.assertIn("seed", [name for name, _ in run["facts"]])
-        self.assertEqual(len(client.until("strip")["arrays"]["first"]), RECORDS)
-        newest = client.until("record")
-        self.assertTrue(newest["live"])
+        self.assertEqual((len(client.until("strip")["arrays"]["first"]), client.until("record")["live"]), (RECORDS, True))
         client.ask({"show": 3})
         record = client.until("record")
-        self.assertEqual((record["index"], record["live"]), (3, False))
         spds, labels = zip(*fixtures.query(self.run_file, "SELECT spd, label FROM record ORDER BY idx"))
         spds = [struct.unpack(f"<{len(spd) // 4}I", spd) for spd in spds]
-        self.assertEqual((record["arrays"]["spd"], record["label"]), (spds[3], labels[3]))
-        self.assertEqual(len(record["arrays"]["radar"]), run["axes"]["radar"]["count"])
-        self.assertEqual(len(record["arrays"]["map"]), run["map"]["size"] ** 2)
-        self.assertTrue(any(1 < z < 6 for z in record["arrays"]["map"]))
+        arrays = record["arrays"]
+        self.assertEqual((record["index"], record["live"], record["label"], arrays["spd"]), (3, False, labels[3], spds[3]))
+        self.assertEqual((len(arrays["radar"]), len(arrays["map"])), (run["axes"]["radar"]["count"], run["map"]["size"] ** 2))
+        self.assertTrue(any(1 < z < 6 for z in arrays["map"]))
         # A sum ends with the displayed record. Near the start of the run, it contains fewer records than requested.
         for count, shown in ((2, 3), (2, 4), (1000, 5)):
             client.ask({"show": shown})
@@ -98,20 +95,17 @@ class Server(SharedCase):
         # The sum of a single record contains no histogram, because the record message already contains the histogram.
         client.ask({"sum": [1, -1e6, 1e6]})
         fitted = client.until("sum", lambda m: m.get("records") == 1)
-        self.assertEqual((fitted["from"], fitted["arrays"]), (5, {}))
-        self.assertGreater(fitted["fits"]["spd"]["fwhm_m"], 0)
+        self.assertEqual((fitted["from"], fitted["arrays"], fitted["fits"]["spd"]["fwhm_m"] > 0), (5, {}, True))
         client.ask({"sum": [0, 0, 9]})
         self.assertIn("no mark", client.until("sum", lambda m: "why" in m)["why"])
         client.ask({"sheet": [0, RECORDS]})
         sheet = client.until("sheet")
-        self.assertEqual(sheet["index"], list(range(RECORDS)))
-        self.assertEqual(len(sheet["arrays"]["maps"]), RECORDS * 32 * 32)
-        # Each waterfall column contains the maximum of several neighbouring bins.
         arrays, bins = sheet["arrays"], run["axes"]["spd"]["count"]
-        columns, by = len(arrays["spd"]) // RECORDS, -(-bins // 256)
-        self.assertEqual(columns, -(-bins // by))
-        self.assertEqual(arrays["spd"][3 * columns:4 * columns], tuple(float(max(spds[3][i:i + by])) for i in range(0, bins, by)))
-        self.assertEqual(arrays["time_s"][3], 3 * run["window_s"])
+        self.assertEqual((sheet["index"], len(arrays["maps"])), (list(range(RECORDS)), RECORDS * 32 * 32))
+        # Each waterfall column contains the maximum of several neighbouring bins.
+        by = -(-bins // 256)
+        waterfall = tuple(float(max(spd[i:i + by])) for spd in spds for i in range(0, bins, by))
+        self.assertEqual((arrays["spd"], arrays["time_s"][3]), (waterfall, 3 * run["window_s"]))
         client.ask({"mark": "a finished run is not marked"})
         self.assertIn("not being recorded", client.until("answer")["text"])
         client.ask({"show": 10 ** 6})
