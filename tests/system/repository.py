@@ -16,10 +16,9 @@ import sys
 import tempfile
 import unittest
 
+from case import source as root
+from fixtures import executable
 
-
-
-root = pathlib.Path(__file__).resolve().parents[2]
 debian = root / "scripts/debian"
 # dh_compress(1) does not compress files of these types. The option -X of dh_compress excludes further files.
 NEVER_COMPRESSED = {".png", ".jpg", ".svg"}
@@ -46,7 +45,7 @@ class Package(unittest.TestCase):
                 cache = folder / "usr/lib/x86_64-linux-gnu/echofuse/bridges/__pycache__"
                 cache.mkdir(parents=True)
                 (folder / "run/systemd/system").mkdir(parents=True)
-                executable(folder / "deb-systemd-invoke", f'echo "$@" >> {folder}/asked\n')
+                executable(folder / "deb-systemd-invoke", f'#!/bin/sh\necho "$@" >> {folder}/asked\n')
                 script = (debian / "echofuse.prerm").read_text().replace(" /run/", f" {folder}/run/").replace(
                     " /usr/", f" {folder}/usr/")
                 subprocess.run(["sh", "-c", script, "prerm", action], check=True,
@@ -56,12 +55,6 @@ class Package(unittest.TestCase):
                 self.assertEqual(cache.exists(), not stops)
 
 
-def executable(path, text):
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text("#!/bin/sh\n" + text)
-    path.chmod(0o755)
-
-
 def run(status, output, ci):
     """Runs scripts/test in a temporary folder. A fake ctest prints `output` and exits with `status`."""
     with tempfile.TemporaryDirectory() as folder:
@@ -69,9 +62,9 @@ def run(status, output, ci):
         (tree / "scripts/dev").mkdir(parents=True)
         shutil.copy(root / "scripts/test", tree / "scripts")
         shutil.copy(root / "scripts/dev/skipped.awk", tree / "scripts/dev")
-        executable(tree / "scripts/setup", "")
-        executable(tree / "scripts/build", "")
-        executable(tree / "bin/ctest", f"cat <<'END'\n{output}\nEND\nexit {status}\n")
+        executable(tree / "scripts/setup", "#!/bin/sh\n")
+        executable(tree / "scripts/build", "#!/bin/sh\n")
+        executable(tree / "bin/ctest", f"#!/bin/sh\ncat <<'END'\n{output}\nEND\nexit {status}\n")
         environment = os.environ | {"PATH": f"{tree}/bin:{os.environ['PATH']}", "CI": ci}
         return subprocess.run([tree / "scripts/test"], env=environment, capture_output=True, text=True, timeout=60)
 
@@ -226,7 +219,6 @@ return out;"""
 
 class Sketches(unittest.TestCase):
     def test_no_text_of_a_sketch_overlaps_a_line(self):
-        sys.path.insert(0, str(root / "tests"))
         import chromium
         browser = chromium.start()
         self.addCleanup(browser.quit)

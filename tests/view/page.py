@@ -1,7 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Uses Chromium to test the viewer's web page with a simulated live run. Exits with code 77 if Chromium is not
-installed."""
+"""Uses Chromium to test the viewer's web page with a simulated live run."""
 import os
 import pathlib
 import re

@@ -1,7 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Uses Chromium to test the alerts, rates, sums, plan view and pixel values on the web page. Exits with code 77 if
-Chromium is not installed."""
+"""Uses Chromium to test the alerts, rates, sums, plan view and pixel values on the web page."""
 import re
 import signal
 import struct

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: MIT
 """Saves screenshots of the page in each of its states, for a review by eye. Called as `tests/view/screenshots.py BIN_DIR
 DIR [STATE...]`; the states are the names of the tests below, without `test_`. Each screenshot is taken at 1400 x 900 and
-390 x 844, in the light and the dark theme. Exits with code 77 if Chromium is not installed."""
+390 x 844, in the light and the dark theme."""
 import base64
 import pathlib
 import resource

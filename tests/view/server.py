@@ -121,6 +121,14 @@ class Server(SharedCase):
         # The model was trained on at least 80 % of the records. The other records were held out for testing.
         self.assertTrue(0 < RECORDS - seen <= 0.2 * RECORDS, seen)
 
+    def test_record_message_contains_the_histograms_and_directions_of_the_zones(self):
+        run = fixtures.plates("nine_zones")
+        record = Client(self.enterContext(self.viewer(run))).until("record")
+        zones, spd = record["arrays"]["zones"], record["arrays"]["spd"]
+        self.assertEqual(tuple(sum(zones[bin::len(spd)]) for bin in range(len(spd))), spd)
+        stated = fixtures.query(run, "SELECT x, y, width FROM zone ORDER BY rowid")
+        self.assertEqual([tuple(zone) for zone in record["zones"]], stated)
+
     def test_track_message_contains_the_body_positions_of_earlier_records(self):
         run = fixtures.made("echofuse-sim", "dataset", "-q", "--people", 80, "--letters", 0)
         client = Client(self.enterContext(self.viewer(run, "--model", fixtures.model("mean-shape", run))))
