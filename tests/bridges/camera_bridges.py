@@ -138,6 +138,8 @@ class Frames(unittest.TestCase):
             z_mm = np.frombuffer(outlet.blocks[0][1][36:], "<u2")
             np.testing.assert_array_equal(z_mm, np.where(exact > 65535, 0, exact))  # larger depths do not fit into 16 bits
             self.assertEqual((exact > 65535).any(), scale_mm == 20)
+        longest = self.good._replace(steps=np.array([13107, 13108], "<u2"), mm_per_step=5.0)
+        self.assertEqual(camera._payload(longest)[36:], b"\xff\xff\0\0")
 
     def test_missing_frame_numbers_are_counted_as_lost_frames(self):
         most = shared.MAX_LOST

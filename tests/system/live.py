@@ -154,11 +154,6 @@ class Live(Case):
     def complete(rows):
         return [row for row in rows if row["valid"] == 7 and not any(row[f"{s}_lost"] for s in ("spd", "radar", "depth"))]
 
-    def enough(self, rows, daemon, complete):
-        """Returns True if enough rows are complete, or if the laboratory and the daemon get too little processor time
-        to complete them."""
-        return len(self.complete(rows)) >= complete or (len(rows) >= 4 * complete and starved(self.lab.pid, daemon.pid))
-
     def check_slots(self, rows):
         """Checks that the rows are consecutive slots, and that each tag is counted exactly once."""
         window_ns = round(WINDOW_S * 1e9)
@@ -173,8 +168,9 @@ class Live(Case):
 
     def test_daemon_records_ten_complete_slots(self):
         daemon = self.record("--count", "1000", "--set", "run.label=person", "--set", "depth.map_size=96")
-        wait_for("ten complete records", lambda: self.committed() and self.enough(self.rows(), daemon, complete=10),
-                 timeout_s=200, pause_s=0.1)
+        # On a busy machine, the laboratory and the daemon get too little processor time to complete the records.
+        wait_for("ten complete records", lambda: self.committed() and (
+            len(self.complete(self.rows())) >= 10 or self.committed() >= 40 and starved(self.lab.pid, daemon.pid)), 200, 0.1)
         late = starved(self.lab.pid, daemon.pid)
         log = self.finish(daemon, signal.SIGTERM)
         sent, rows, info = self.close_lab(), self.rows(), self.info()
