@@ -58,7 +58,7 @@ class Reader(unittest.TestCase):
         impossible = lambda text: re.sub("((?:[^,]*,){40})[^,]*", r"\g<1>99", text, count=1)
         for row, damage in ((12, lambda text: text[:12]), (12, lambda text: text.replace(",", ",x", 3)), (12, lambda text: ""),
                             (12, lambda text: text + ",1"), (12, lambda text: text.replace("#Raw,65,", "#Raw,65,3")),
-                            *((12, lambda text, byte=byte: text.rpartition(",")[0] + f",{byte}") for byte in (256, -1)),
+                            *((2, lambda text, byte=byte: text.rpartition(",")[0] + f",{byte}") for byte in (256, -1)),
                             (12, impossible), (22, impossible)):  # in a middle and in a high byte
             changed = [*lines[:row], damage(lines[row]), *lines[row + 1:]]
             self.assertEqual(read(changed), ([], 1, []))
