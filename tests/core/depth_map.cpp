@@ -31,13 +31,11 @@ TEST_CASE("the map grid is read from the three map axes of a run, or has default
   // Runs that lack the axis map_z use the default depth range.
   CHECK(map_grid_of(std::span(axes).first(2)) == MapGrid{100, 0.3, 6});
   CHECK(map_grid_of({}) == MapGrid{64, 0.55, 6});
-  CHECK_FALSE(grid == MapGrid{100, 0.301, 23});
-  CHECK_FALSE(grid == MapGrid{99, 0.3, 23});
-  CHECK_FALSE(grid == MapGrid{100, 0.3, 24});
+  for (const MapGrid& other : {MapGrid{100, 0.301, 23}, {99, 0.3, 23}, {100, 0.3, 24}})
+    CHECK_FALSE(grid == other);
   CHECK_THROWS_AS(map_grid_of(std::span(axes).first(1)), Error);
-  CHECK_THROWS_AS(map_grid_of(MapGrid{300, 0.3}.axes()), Error);
-  CHECK_THROWS_AS(map_grid_of(MapGrid{64, 4}.axes()), Error);
-  CHECK_THROWS_AS(map_grid_of(MapGrid{64, 0.3, 66}.axes()), Error);
+  for (const MapGrid& wrong : {MapGrid{300, 0.3}, {64, 4}, {64, 0.3, 66}})
+    CHECK_THROWS_AS(map_grid_of(wrong.axes()), Error);
 }
 
 TEST_CASE("each source pixel is used in exactly one target pixel, and invalid pixels are ignored") {

@@ -15,18 +15,14 @@ namespace {
 using test::contents;
 using test::Folder;
 
-// Sets an environment variable for the lifetime of the object.
-struct Variable {
-  std::string name, before;
-  Variable(const char* key, const std::string& value)
-      : name(key), before(std::getenv(key) ? std::getenv(key) : "") {
-    ::setenv(key, value.c_str(), 1);
-  }
-  ~Variable() {
-    before.empty() ? ::unsetenv(name.c_str()) : ::setenv(name.c_str(), before.c_str(), 1);
-  }
-  Variable(const Variable&) = delete;
-  Variable& operator=(const Variable&) = delete;
+// Changes TMPDIR for the lifetime of the object.
+struct Scratch {
+  const char* old = std::getenv("TMPDIR");
+  const std::string before = old ? old : "";
+  explicit Scratch(const fs::path& folder) { ::setenv("TMPDIR", folder.c_str(), 1); }
+  ~Scratch() { old ? ::setenv("TMPDIR", before.c_str(), 1) : ::unsetenv("TMPDIR"); }
+  Scratch(const Scratch&) = delete;
+  Scratch& operator=(const Scratch&) = delete;
 };
 
 int files_in(const fs::path& folder) {
@@ -58,7 +54,7 @@ TEST_CASE("a new file appears only when complete, and leftovers of a killed proc
   const Folder dir, scratch;
   const std::string place = dir / "a.sqlite";
   for (const bool elsewhere : {false, true}) {
-    const Variable tmp("TMPDIR", elsewhere ? scratch.path.string() : dir.path.string());
+    const Scratch tmp(elsewhere ? scratch.path : dir.path);
     std::ofstream(place) << "old";
     {
       const NewFile cut(place, NewFile::Staged{});
@@ -93,7 +89,7 @@ TEST_CASE("a new file appears only when complete, and leftovers of a killed proc
 TEST_CASE("a file that cannot be completed on a full disk leaves no temporary file") {
   const Folder dir, scratch;
   const std::string place = dir / "a.sqlite";
-  const Variable tmp("TMPDIR", scratch.path.string());
+  const Scratch tmp(scratch.path);
   std::ofstream(place) << "old";
   {
     NewFile file(place, NewFile::Staged{});

@@ -32,7 +32,12 @@ TEST_CASE("a lock excludes other holders and names its holder") {
   }
   CHECK_FALSE(Lock::holder(path));
   CHECK(contents(path).empty());
-  CHECK(Lock(path, 0644).held());
+  const Lock former(path, 0644);
+  CHECK(former.held());
+  former.remove();
+  const Lock next(path, 0644);  // creates the file again
+  CHECK(next.held());
+  CHECK_FALSE(Lock(path, 0644).held());
 }
 
 TEST_CASE(
@@ -62,16 +67,6 @@ TEST_CASE(
   CHECK(fs::exists(path) == !removes);
 }
 
-TEST_CASE("a lock file removed by its holder is created again by the next holder") {
-  const Folder folder;
-  const std::string path = folder / "x.lock";
-  const Lock former(path, 0600);
-  former.remove();
-  const Lock next(path, 0600);
-  CHECK(next.held());
-  CHECK_FALSE(Lock(path, 0600).held());
-}
-
 TEST_CASE("a lock file has the requested mode, whatever the umask") {
   const Folder folder;
   const mode_t mode = GENERATE(0666, 0644, 0600), before = ::umask(0077);
@@ -84,25 +79,17 @@ TEST_CASE("a lock file has the requested mode, whatever the umask") {
 TEST_CASE("a lock is refused if another file occupies its path, and that file is not changed") {
   const Folder folder;
   const std::string precious = folder / "precious", lock = folder / "x.lock";
-  std::ofstream(precious) << "precious";
-  std::string stays = "precious";
-  SECTION("a symbolic link at the lock path is refused") { fs::create_symlink(precious, lock); }
-  SECTION("a dangling symbolic link at the lock path is refused") {
-    fs::create_symlink(folder / "new", lock);
-  }
-  SECTION("a hard link at the lock path to another file is refused") {
-    fs::create_hard_link(precious, lock);
-  }
-  SECTION("a hard link at the lock path to an empty file is refused") {
-    std::ofstream(precious).flush();
-    fs::create_hard_link(precious, lock);
-    stays = "";
-  }
-  SECTION("a file with other content at the lock path is refused") {
-    fs::copy_file(precious, lock);
-  }
-  SECTION("a FIFO at the lock path is refused") { REQUIRE(::mkfifo(lock.c_str(), 0666) == 0); }
-  SECTION("a folder at the lock path is refused") { fs::create_directory(lock); }
+  const std::string kind = GENERATE("symbolic link", "dangling link", "hard link",
+                                    "empty hard link", "file", "FIFO", "folder");
+  CAPTURE(kind);
+  const std::string stays = kind == "empty hard link" ? "" : "precious";
+  std::ofstream(precious) << stays;
+  if (kind == "symbolic link") fs::create_symlink(precious, lock);
+  if (kind == "dangling link") fs::create_symlink(folder / "new", lock);
+  if (kind.ends_with("hard link")) fs::create_hard_link(precious, lock);
+  if (kind == "file") fs::copy_file(precious, lock);
+  if (kind == "FIFO") REQUIRE(::mkfifo(lock.c_str(), 0666) == 0);
+  if (kind == "folder") fs::create_directory(lock);
   const auto is = fs::symlink_status(lock).type();
   CHECK_THROWS_WITH(Lock(lock, 0666), Catch::Contains("x.lock: is not an echofuse lock file"));
   CHECK_FALSE(Lock::holder(lock));
@@ -110,9 +97,6 @@ TEST_CASE("a lock is refused if another file occupies its path, and that file is
   CHECK(contents(precious) == stays);
   CHECK_FALSE(fs::exists(folder / "new"));
   if (is == fs::file_type::regular) CHECK(contents(lock) == stays);
-}
-
-TEST_CASE("a lock file that cannot be created is reported as a disk error") {
-  const Folder folder;
+  // A lock file that cannot be created is a disk error.
   CHECK(test::error_of([&] { Lock(folder / "none/x.lock", 0600); }).first == ExitCode::disk);
 }

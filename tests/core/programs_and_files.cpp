@@ -77,34 +77,34 @@ TEST_CASE("writing a file replaces a symbolic link at its path and does not foll
 
 TEST_CASE("files that are not regular files are refused") {
   const Folder folder;
-  const auto refused = [](const std::string& path, const std::string& why) {
-    CHECK_THROWS_WITH(RegularFile(path, ExitCode::failed), path + ": " + why);
-    CHECK_THROWS_WITH(require_regular(path, ExitCode::failed), path + ": " + why);
-  };
-  REQUIRE(::mkfifo((folder.path / "fifo").c_str(), 0666) == 0);
-  refused(folder.path / "fifo", "is a FIFO; expected a regular file");
+  REQUIRE(::mkfifo((folder / "fifo").c_str(), 0666) == 0);
   sockaddr_un address{AF_UNIX, {}};
-  (folder.path / "socket").string().copy(address.sun_path, sizeof address.sun_path - 1);
+  (folder / "socket").copy(address.sun_path, sizeof address.sun_path - 1);
   const int socket = ::socket(AF_UNIX, SOCK_STREAM, 0);
   REQUIRE(::bind(socket, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0);
-  refused(folder.path / "socket", "is a socket; expected a regular file");
   ::close(socket);
-  refused("/dev/zero", "is a device; expected a regular file");
-  refused(folder.path, "is a folder; expected a regular file");
-  refused(folder.path / "none", "cannot read: No such file or directory");
-  std::ofstream(folder.path / "text") << "12345";
-  fs::create_symlink("text", folder.path / "link");
-  const auto read = [&](std::size_t most) {
-    return RegularFile(folder.path / "link", ExitCode::failed).rest<std::string>(most);
-  };
-  for (const std::size_t most : {5, 6, 100}) CHECK(read(most) == "12345");
+  const std::string expected = "; expected a regular file";
+  for (const auto& [path, why] : {std::pair{folder / "fifo", "is a FIFO" + expected},
+                                  {folder / "socket", "is a socket" + expected},
+                                  {"/dev/zero", "is a device" + expected},
+                                  {folder / "", "is a folder" + expected},
+                                  {folder / "none", "cannot read: No such file or directory"}}) {
+    CHECK_THROWS_WITH(RegularFile(path, ExitCode::failed), path + ": " + why);
+    CHECK_THROWS_WITH(require_regular(path, ExitCode::failed), path + ": " + why);
+  }
+}
+
+TEST_CASE("a regular file is read up to a limit, also through a link") {
+  const Folder folder;
+  std::ofstream(folder / "text") << "12345";
+  fs::create_symlink("text", folder / "link");
   // For a file longer than the limit, rest() returns one byte more than the limit, so that the
   // caller can detect the excess.
-  CHECK(read(4) == "12345");
-  CHECK(read(1) == "12");
-  CHECK(read(0) == "1");
-  std::ofstream(folder.path / "large") << std::string(100'000, 'x') << "end";
-  const auto large = RegularFile(folder.path / "large", ExitCode::failed).rest<Bytes>();
+  for (const std::size_t most : {0, 1, 4, 5, 6, 100})
+    CHECK(RegularFile(folder / "link", ExitCode::failed).rest<std::string>(most) ==
+          std::string("12345").substr(0, most + 1));
+  std::ofstream(folder / "large") << std::string(100'000, 'x') << "end";
+  const auto large = RegularFile(folder / "large", ExitCode::failed).rest<Bytes>();
   CHECK(large.size() == 100'003);
   CHECK(large.back() == 'd');
   // The kernel reports a size of 0 for this file.
@@ -139,30 +139,21 @@ TEST_CASE("a FIFO that replaces a file while it is being opened is detected") {
   CHECK(read <= 20'000);
 }
 
-TEST_CASE("a variable for a child process replaces an inherited variable of this name") {
-  const Folder folder;
-  ::setenv("ECHOFUSE_TEST_WORD", "inherited", 1);
-  ::setenv("ECHOFUSE_TEST_WORDS", "other", 1);
-  const auto program =
-      start_program({"sh", "-c", "env | grep ECHOFUSE_TEST_WORD | sort > out"},
-                    {.folder = folder / "", .environment = {"ECHOFUSE_TEST_WORD=own"}});
-  REQUIRE(program);
-  CHECK(wait_for_program(*program) == 0);
-  ::unsetenv("ECHOFUSE_TEST_WORD"), ::unsetenv("ECHOFUSE_TEST_WORDS");
-  CHECK(contents(folder / "out") == "ECHOFUSE_TEST_WORD=own\nECHOFUSE_TEST_WORDS=other\n");
-}
-
-TEST_CASE("a child process starts in the given folder and inherits no file descriptors") {
+TEST_CASE("a child process has the given folder and variables, and inherits no descriptors") {
   const Folder folder;
   const int mine = ::open("/dev/null", O_RDONLY);
-  const auto program = start_program({"sh", "-c", "pwd > out; ls /proc/self/fd > fds; exit 7"},
-                                     {.folder = folder.path});
+  ::setenv("ECHOFUSE_TEST_WORD", "inherited", 1);
+  ::setenv("ECHOFUSE_TEST_WORDS", "other", 1);
+  // `ls` itself uses descriptor 3 to read the folder.
+  const auto program = start_program(
+      {"sh", "-c", "(pwd; ls /proc/self/fd; env | grep ECHOFUSE_TEST_WORD | sort) > out; exit 7"},
+      {.folder = folder.path, .environment = {"ECHOFUSE_TEST_WORD=own"}});
   ::close(mine);
+  ::unsetenv("ECHOFUSE_TEST_WORD"), ::unsetenv("ECHOFUSE_TEST_WORDS");
   REQUIRE(program);
   CHECK(wait_for_program(*program) == 7);
-  CHECK(contents(folder.path / "out") == folder.path.string() + "\n");
-  // `ls` itself uses descriptor 3 to read the folder.
-  CHECK(contents(folder.path / "fds") == "0\n1\n2\n3\n");
+  CHECK(contents(folder / "out") ==
+        folder.path.string() + "\n0\n1\n2\n3\nECHOFUSE_TEST_WORD=own\nECHOFUSE_TEST_WORDS=other\n");
   CHECK(wait_for_program(*start_program({"sh", "-c", "kill -9 $$"})) == 128 + 9);
   catch_interrupts();  // the signal handlers are not inherited by the child process
   CHECK(wait_for_program(*start_program({"sh", "-c", "kill -PIPE $$"})) == 128 + SIGPIPE);

@@ -33,156 +33,129 @@ TEST_CASE("settings are stored in the bound fields, and an integer is accepted a
   Sample sample;
   Settings s = sample.bound();
   s.read_text("window_s = 2\n[tdc]\nbins = 8\nfilter = false\naddress = \"a\\\"b\"\n", "x");
-  CHECK(sample.window_s == 2.0);
-  CHECK(sample.bins == 8);
-  CHECK_FALSE(sample.filter);
-  CHECK(sample.address == "a\"b");
-  CHECK(sample.psf == "sinc");
+  CHECK(std::tuple(sample.window_s, sample.bins, sample.filter, sample.address, sample.psf) ==
+        std::tuple(2.0, 8, false, "a\"b", "sinc"));
   CHECK(s.given("tdc.bins"));
   CHECK_FALSE(s.given("radar.psf"));
 }
 
 TEST_CASE(
     "all settings errors are reported together, each with its position and the expected value") {
-  const std::string faults = faults_of(
-      "windw_s = 3\nwindow_s = \"long\"\n[tdc]\nbins = 0\nfilter = 1\n[radar]\npsf = \"gauss\"\n");
-  for (const char* part :
-       {"lab.toml:1:1: unknown key \"windw_s\"; the most similar known name is \"window_s\"",
-        "lab.toml:2:1: window_s", "a number from 0.01 to 3600",
-        "lab.toml:4:1: tdc.bins = 0 is not valid; expected a whole number from 1 to 65536",
-        "lab.toml:5:1: tdc.filter", "one of \"sinc\" \"blackman\""})
-    CHECK_THAT(faults, Catch::Contains(part));
-  CHECK(std::count(faults.begin(), faults.end(), '\n') == 4);
+  std::string faults = faults_of(
+      "windw_s = 3\nwindow_s = \"long\"\n[tdc]\nbins = 0\nfilter = 1\naddress = 7\n"
+      "[radar]\npsf = \"gauss\"\n");
+  std::ranges::replace(faults, '\'', '"');  // versions of toml++ differ in the quotes
+  CHECK(faults ==
+        "lab.toml:1:1: unknown key \"windw_s\"; the most similar known name is \"window_s\"\n"
+        "lab.toml:2:1: window_s = \"long\" is not valid; expected a number from 0.01 to 3600\n"
+        "lab.toml:4:1: tdc.bins = 0 is not valid; expected a whole number from 1 to 65536\n"
+        "lab.toml:5:1: tdc.filter = 1 is not valid; expected true or false\n"
+        "lab.toml:6:1: tdc.address = 7 is not valid; expected a quoted string\n"
+        "lab.toml:8:1: radar.psf = \"gauss\" is not valid; expected one of \"sinc\" \"blackman\"");
 }
 
 TEST_CASE("only the first 20 settings errors are listed") {
   std::string text;
   for (int i = 0; i < 5000; ++i) text += "key_" + std::to_string(i) + " = 1\n";
   const std::string faults = faults_of(text);
-  CHECK(std::count(faults.begin(), faults.end(), '\n') == 20);
+  CHECK(std::ranges::count(faults, '\n') == 20);
   CHECK(faults.ends_with("there are more errors; the list ends after the first 20"));
 }
 
 TEST_CASE("a section given as a value, or text that is not TOML, is reported with its position") {
-  CHECK(faults_of("tdc = 3\n") ==
-        "lab.toml:1:1: tdc is a section; expected [tdc] and its keys below");
-  CHECK(faults_of("[[radar]]\n").find("lab.toml:1:3: radar is a section") == 0);
-  CHECK(faults_of("[tcd]\nbins = 3\n") ==
-        "lab.toml:1:2: unknown section \"tcd\"; the most similar known name is \"tdc\"");
-  CHECK(faults_of("window_s = = 3\n").find("lab.toml:1:") == 0);
-  CHECK(faults_of("window_s = nan\n").find("expected a number") != std::string::npos);
+  const auto [toml, start, fault] = GENERATE(table<std::string, std::string, std::string>(
+      {{"tdc = 3\n", "1:1: ", "tdc is a section; expected [tdc] and its keys below"},
+       {"[[radar]]\n", "1:3: ", "radar is a section"},
+       {"[tcd]\nbins = 3\n", "1:2: ", "unknown section \"tcd\"; the most similar known name is"},
+       {"window_s = = 3\n", "1:", "not TOML"},
+       {"window_s = nan\n", "1:1: ", "expected a number"},
+       {"\"a\\nb\\u001b\" = 1\n", "1:1: ", "unknown key \"a\\nb\\x1b\"; no similar name"},
+       {"window_s = 3\nwindow_s = 4\n", "2:12: not TOML: ", "redefine"},
+       {"[tdc]\nbins = 3\n[tdc]\n", "3:", "not TOML"},
+       // After an invalid section header, the keys that follow are not checked, because their
+       // section is unknown.
+       {"[tdc\nbins = 0\n", "1:", "not TOML"},
+       // A single fault that spans several lines is reported only once.
+       {"[tdc]\naddress = \"\"\"open\nbins = 3\n", "", "not TOML"},
+       {"[tdc]\nbins =\n3\nfilter = true\n", "", "not TOML"},
+       {"window_s = [1 2,\n3\n]\n[tdc]\nbins = 3\n", "", "not TOML"}}));
+  CHECK_THAT(faults_of(toml), Catch::StartsWith("lab.toml:" + start) && Catch::Contains(fault) &&
+                                  !Catch::Contains("\n"));
+}
+
+TEST_CASE("invalid TOML lines do not hide later errors") {
+  const std::string faults = faults_of(
+      "window_s = = 3\n[tdc]\naddress = \"open\nbins = 8\nbins = 9\nfilter = 1\n"
+      "[radar]\nspf = 1\n");
+  std::string lines;
+  for (std::size_t at = 0; at != faults.npos; at = faults.find("lab.toml", at + 1))
+    lines += faults.at(at + std::string("lab.toml:").size());
+  CHECK(lines == "13568");
+  std::string many(1000, '=');
+  for (int k = 0; k < 100; ++k) many += "\n= 1";
+  CHECK(std::ranges::count(faults_of(many), '\n') == 19);
 }
 
 TEST_CASE("option --set accepts only TOML values and bare words") {
   Sample sample;
   Settings s = sample.bound();
-  s.set("window_s=0.2");
-  s.set("tdc.address=bridge:tcp://127.0.0.1:41110");
-  s.set("radar.psf=blackman");
-  s.set("tdc.filter=false");
-  CHECK(sample.window_s == 0.2);
-  CHECK(sample.address == "bridge:tcp://127.0.0.1:41110");
-  CHECK(sample.psf == "blackman");
-  CHECK_FALSE(sample.filter);
-  for (const char* text : {"8", "1.50", "true", "1,20"}) {
-    s.set(std::string("tdc.address=") + text);
+  for (const char* setting : {"window_s=0.2", "radar.psf=blackman", "tdc.filter=false"})
+    s.set(setting);
+  CHECK(std::tuple(sample.window_s, sample.psf, sample.filter) ==
+        std::tuple(0.2, "blackman", false));
+  for (const std::string text : {"8", "1.50", "true", "1,20", "bridge:tcp://127.0.0.1:41110"}) {
+    s.set("tdc.address=" + text);
     CHECK(sample.address == text);
   }
-  CHECK_THROWS_WITH(s.set("tdc.address=[8]"), Catch::Contains("expected a quoted string"));
-  CHECK_THROWS_WITH(s.set("windw_s=1"), Catch::Contains("most similar known name is \"window_s\""));
-  CHECK_THROWS_WITH(s.set("win=1"), Catch::Contains("most similar known name is \"window_s\""));
-  CHECK_THROWS_WITH(s.set("tdc.bins=many"), Catch::Contains("whole number"));
-  CHECK_THROWS_WITH(s.set("tdc.bins"), Catch::Contains("key=value"));
-  CHECK_THROWS_WITH(s.set("window_s=1\ntdc = 2"), Catch::Contains("expected a number"));
-  CHECK_THROWS_WITH(s.set("tdc.address=\xff"), Catch::EndsWith("expected UTF-8"));
-}
-
-TEST_CASE("a settings error is reported in a single line, whatever the file contains") {
-  CHECK(faults_of("\"a\\nb\\u001b\" = 1\n") ==
-        "lab.toml:1:1: unknown key \"a\\nb\\x1b\"; no similar name");
+  const auto [setting, fault] = GENERATE(
+      table<std::string, std::string>({{"tdc.address=[8]", "expected a quoted string"},
+                                       {"windw_s=1", "most similar known name is \"window_s\""},
+                                       {"win=1", "most similar known name is \"window_s\""},
+                                       {"tdc.bins=many", "whole number"},
+                                       {"tdc.bins", "key=value"},
+                                       {"window_s=1\ntdc = 2", "expected a number"},
+                                       {"tdc.address=\xff", "expected UTF-8"}}));
+  CHECK_THROWS_WITH(s.set(setting), Catch::Contains(fault));
 }
 
 TEST_CASE("printed settings are read back with the same values") {
-  Sample sample;
+  Sample sample, other;
   sample.window_s = 0.1 + 0.2;
   sample.address = "\n\tC:\\x \"y\" '''\x7f";
-  const std::string text = sample.bound().resolved(true);
-  Sample other;
-  other.bound().read_text(text, "resolved");
+  other.bound().read_text(sample.bound().resolved(true), "resolved");
   CHECK(other.window_s == Approx(sample.window_s).epsilon(1e-14));
   CHECK(other.address == sample.address);
   CHECK(other.bound().resolved() == sample.bound().resolved());
 }
 
-TEST_CASE("invalid TOML lines and repeated keys do not hide later errors") {
-  const std::string twice = faults_of("window_s = 3\nwindow_s = 4\n");
-  CHECK(twice.starts_with("lab.toml:2:12: not TOML: "));
-  CHECK(twice.find("redefine") != std::string::npos);
-  const std::string faults = faults_of(
-      "window_s = = 3\n[tdc]\naddress = \"open\nbins = 8\nbins = 9\nfilter = 1\n"
-      "[radar]\nspf = 1\n");
-  std::vector<std::string> places;
-  for (std::size_t at = 0; at != faults.npos; at = faults.find("lab.toml", at + 1))
-    places.push_back(faults.substr(at, std::string("lab.toml:N").size()));
-  CHECK(places == std::vector<std::string>{"lab.toml:1", "lab.toml:3", "lab.toml:5", "lab.toml:6",
-                                           "lab.toml:8"});
-  // A single fault that spans several lines is reported only once.
-  for (const char* text :
-       {"[tdc]\naddress = \"\"\"open\nbins = 3\n", "[tdc]\nbins =\n3\nfilter = true\n",
-        "window_s = [1 2,\n3\n]\n[tdc]\nbins = 3\n"}) {
-    CAPTURE(text);
-    CHECK(faults_of(text).find('\n') == std::string::npos);
-    CHECK(faults_of(text).find("not TOML") != std::string::npos);
-  }
-  // After an invalid section header, the keys that follow are not checked, because their section is
-  // unknown.
-  CHECK(faults_of("[tdc\nbins = 0\n").find('\n') == std::string::npos);
-  CHECK(faults_of("[tdc]\nbins = 3\n[tdc]\n").find("lab.toml:3:") == 0);
-  std::string lines(1000, '=');
-  for (int k = 0; k < 100; ++k) lines += "\n= 1";
-  const std::string many = faults_of(lines);
-  CHECK(std::count(many.begin(), many.end(), '\n') == 19);
-}
-
 TEST_CASE("option --set overrides the configuration file, and errors in both are reported") {
   Sample sample;
   Settings s = sample.bound();
-  const auto faults =
-      s.read("window_s = 1\n[tdc]\nbins = 0\n", "lab.toml", {"window_s=2", "tdc.bin=3", "x"});
-  REQUIRE(faults.size() == 3);
-  CHECK(faults[0].find("lab.toml:3:1: tdc.bins = 0") == 0);
-  CHECK(faults[1] == "--set tdc.bin=3: unknown key; the most similar known name is \"tdc.bins\"");
-  CHECK(faults[2] == "--set x: expected key=value");
+  CHECK(s.read("window_s = 1\n[tdc]\nbins = 0\n", "lab.toml", {"window_s=2", "tdc.bin=3", "x"}) ==
+        std::vector<std::string>{
+            "lab.toml:3:1: tdc.bins = 0 is not valid; expected a whole number from 1 to 65536",
+            "--set tdc.bin=3: unknown key; the most similar known name is \"tdc.bins\"",
+            "--set x: expected key=value"});
   CHECK(sample.window_s == 2);
 }
 
 TEST_CASE("the origin of each setting is printed as a comment in valid TOML") {
-  Sample sample;
+  Sample sample, other;
   Settings s = sample.bound();
-  REQUIRE(s.read("window_s = 1\n[tdc]\nbins = 7\n", "lab.toml", {"radar.psf=blackman"}).empty());
-  CHECK(s.origin("window_s") == "lab.toml:1:1");
-  CHECK(s.origin("tdc.bins") == "lab.toml:3:1");
+  // A file name with a line break cannot inject settings.
+  REQUIRE(s.read("window_s = 1\n[tdc]\nbins = 7\n", "a\nwindow_s = 5\n", {"radar.psf=blackman"})
+              .empty());
+  CHECK(s.origin("window_s") == "a\nwindow_s = 5\n:1:1");
   CHECK(s.origin("radar.psf") == "--set radar.psf=blackman");
   CHECK(s.origin("tdc.filter").empty());
   s.set("tdc.bins=8");
-  CHECK(s.origin("tdc.bins") == "--set tdc.bins=8");
   const std::string text = s.with_origins();
-  CHECK(text.find("\nwindow_s = 1.0  # lab.toml:1:1\n") != std::string::npos);
-  CHECK(text.find("\nbins = 8  # --set tdc.bins=8\n") != std::string::npos);
-  CHECK(text.find("\nfilter = true  # default\n") != std::string::npos);
-  CHECK(text.find("# number of bins (a whole number from 1 to 65536)\n") != std::string::npos);
-  Sample other;
+  CHECK_THAT(text, Catch::Contains("\nwindow_s = 1.0  # a\\nwindow_s = 5\\n:1:1\n") &&
+                       Catch::Contains("\nbins = 8  # --set tdc.bins=8\n") &&
+                       Catch::Contains("\nfilter = true  # default\n") &&
+                       Catch::Contains("# number of bins (a whole number from 1 to 65536)\n"));
   other.bound().read_text(text, "shown");
   CHECK(other.bound().resolved() == s.resolved());
-}
-
-TEST_CASE("a file name with a line break cannot inject settings") {
-  Sample sample;
-  Settings s = sample.bound();
-  REQUIRE(s.read("window_s = 1\n", "a\nwindow_s = 5\n", {}).empty());
-  Sample other;
-  other.bound().read_text(s.with_origins(), "shown");
-  CHECK(other.window_s == 1);
 }
 
 TEST_CASE("a settings section is printed once, whatever the order in which its keys are bound") {
