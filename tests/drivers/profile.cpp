@@ -3,6 +3,7 @@
 #include "../fixtures/folder.hpp"
 #include "../fixtures/shell.hpp"
 #include "drivers/radar/log2_codes.hpp"
+#include "drivers/util/format.hpp"
 #include "stock_cfg.hpp"
 
 using namespace echofuse::radar;
@@ -52,101 +53,29 @@ TEST_CASE("the radar range axis is computed from the rounded chirp slope of the 
   // The chip rounds this slope to 4583 register steps.
   CHECK(step("165.98") == Approx(played_step_m * 4584 / 4583));
   CHECK_THROWS_WITH(step("0.03"), Catch::Contains("from 0.0363 to 250"));
-  const double nominal_m = 3.0e8 * 12.5e6 / (2 * 166e12 * 256);
-  // At 7 m, the nominal range step causes a range error of 4.2 mm.
-  CHECK(7 * (played_step_m / nominal_m - 1) == Approx(-4.2e-3).epsilon(0.05));
+}
+
+TEST_CASE("the end frequency of a chirp is computed in register steps of the radar chip") {
+  const std::string profile = "0 60 7 3 24 0 0 166 1 256 12500 0 0 30";
+  const RadarProfile p =
+      parse_profile(with(profile, "0 60 84 7 88.89 0 0 45 1 176 2175 0 0 158"), "x.cfg");
+  CHECK(p.refusals.empty());
+  CHECK(p.carrier_hz == Approx(60e9 + 44.9724e12 * (7 + 0.5 * 176 / 2.175) * 1e-6).epsilon(1e-6));
+  // Tests sweeps over the full bandwidth. The values are rounded as in TI's tool.
+  for (int slope = 20; slope <= 250; ++slope) {
+    const auto text = format("0 60 7 3 %.2f 0 0 %d 1 16 12500 0 0 30", 4e3 / slope, slope);
+    CHECK(parse_profile(with(profile, text), "x.cfg").refusals.empty());
+  }
+  CHECK(parse_profile(with(profile, "0 60 84 7 88.89 0 0 45.04 1 176 2175 0 0 158"), "x.cfg")
+            .refusals.at(0) ==
+        "x.cfg:5: profileCfg sweeps 60 to 64.0008 GHz (limits 60 to 64 GHz)");
 }
 
 TEST_CASE("radar cfg lines are sent unchanged except for CR, blank lines and comments") {
-  const auto lines = command_lines("a  b \r\n\r\n% c\n  % d\n  e\n\nf");
-  REQUIRE(lines.size() == 3);
-  CHECK(lines[0].text == "a  b ");
-  CHECK(lines[1].text == "  e");
-  CHECK(lines[1].number == 5);
-  CHECK(lines[2].text == "f");
-  CHECK(lines[2].number == 7);
-}
-
-TEST_CASE("errors in a radar cfg are reported with the line number") {
-  CHECK(refusal("flushCfg") ==
-        "x.cfg: has no profileCfg\nx.cfg: has no frameCfg\nx.cfg: has no channelCfg\n"
-        "x.cfg: has no chirpCfg\nx.cfg: has no guiMonitor\nx.cfg: has no sensorStart");
-  CHECK(refusal(with("sensorStart", "")) == "x.cfg: has no sensorStart");
-  CHECK(refusal(with("guiMonitor -1 1 1 0 0 0 1\r\n", "")) ==
-        "x.cfg:25: sensorStart requires guiMonitor before it");
-  CHECK(refusal(with("1 256 12500 0 0 30", "1 256")) ==
-        "x.cfg:5: profileCfg has 10 numbers; SDK 3.4 to 3.6 expect 14 (SDK 1 and 2 differ)");
-  CHECK(refusal(with("1 256 12500", "1 256 fast")) == "x.cfg:5: profileCfg 'fast' is not a number");
-  CHECK(refusal(with("166 1 256", "0 1 256")) ==
-        "x.cfg:5: profileCfg '0' should be a number from 0.0363 to 250");
-  CHECK(refusal(with("1 256 12500", "1 256 1.25e4")) ==
-        "x.cfg:5: profileCfg '1.25e4' should be a whole number from 2000 to 37500");
-  CHECK(refusal(with("1 256 12500", "1 25.5 12500")) ==
-        "x.cfg:5: profileCfg '25.5' should be a whole number from 2 to 1024");
-  CHECK(refusal(with("frameCfg 0 2", "frameCfg 5 6")) ==
-        "x.cfg:9: frameCfg uses no chirp with an enabled transmitter");
-  CHECK(refusal(with("0 100 1 0", "0 0 1 0")) ==
-        "x.cfg:9: frameCfg '0' should be a number from 0.3 to 1342");
-  CHECK_THAT(refusal(with("% a comment", "calib " + std::string(300, '1'))),
-             Catch::StartsWith("x.cfg:1: calib line has 306 characters"));
-}
-
-TEST_CASE("all faults in a radar cfg are reported together") {
-  const std::string bad = refusal(
-      "channelCfg 15 9 0\nprofileCfg 0 60 7 3 24 0 0 fast 1 1 0 0 0 30\nchirpCfg 0 0 0 0 0 0 0 1\n"
-      "frameCfg 0 0 16 0 -1 1 0\nguiMonitor -1 0\nsensorStart\n");
-  CHECK(bad ==
-        "x.cfg:1: channelCfg '9' should be a whole number from 1 to 7\n"
-        "x.cfg:2: profileCfg requires dfeDataOutputMode before it\n"
-        "x.cfg:2: profileCfg 'fast' is not a number\n"
-        "x.cfg:4: frameCfg requires dfeDataOutputMode 1 before it\n"
-        "x.cfg:4: frameCfg '-1' should be a number from 0.3 to 1342\n"
-        "x.cfg:5: guiMonitor has 2 numbers; SDK 3.4 to 3.6 expect 7 (SDK 1 and 2 differ)\n"
-        "x.cfg:6: sensorStart requires adcCfg, adcbufCfg, cfarCfg -1 0, cfarCfg -1 1, "
-        "multiObjBeamForming, calibDcRangeSig, clutterRemoval, compRangeBiasAndRxChanPhase, "
-        "measureRangeBiasAndRxChanPhase, aoaFovCfg, cfarFovCfg -1 0, cfarFovCfg -1 1, "
-        "extendedMaxVelocity, analogMonitor, lvdsStreamCfg before it\n"
-        "x.cfg:2: profileCfg '1' should be a whole number from 2 to 1024\n"
-        "x.cfg:2: profileCfg '0' should be a whole number from 2000 to 37500");
-}
-
-TEST_CASE("radar cfg settings with unwanted effects cause warnings") {
-  const auto warnings = [](const std::string& text) {
-    return parse_profile(text, "x.cfg").warnings;
-  };
-  CHECK_THAT(warnings(with("-1 1 1 0", "-1 1 0 0")).at(0),
-             Catch::StartsWith("x.cfg:10: guiMonitor does not send the range profile"));
-  CHECK_FALSE(parse_profile(with("-1 1 1 0", "-1 1 0 0"), "").range_profile_on);
-  for (const char* line : {"clutterRemoval -1 1", "clutterRemoval 0 1\nclutterRemoval 1 0"})
-    CHECK_THAT(warnings(with("clutterRemoval -1 0", line)).at(0),
-               Catch::StartsWith("x.cfg:17: clutterRemoval"));
-  CHECK(warnings(with("0 100 1 0", "30 100 2 0")) ==
-        std::vector<std::string>{"x.cfg:9: frameCfg stops after 30 frames (0 means no limit)",
-                                 "x.cfg:9: frameCfg trigger 2 waits for an external pulse before "
-                                 "each frame (1 does not wait)"});
-  CHECK_THAT(warnings(with("1 256 12500", "1 1024 12500")).at(0),
-             Catch::StartsWith("x.cfg:5: profileCfg gives 1024 bins for 12 antennas") &&
-                 Catch::EndsWith("memory for 1022"));
-}
-
-TEST_CASE(
-    "a radar data rate that does not suit the cfg, configuration or frame period is reported") {
-  const auto warnings = [](const std::string& text, std::uint32_t baud) {
-    return parse_profile(text, "x.cfg", baud).warnings;
-  };
-  const std::string slow = with("sensorStart", "configDataPort 460800 0\nsensorStart");
-  CHECK(warnings(slow, 460800).empty());
-  CHECK(warnings(slow, 921600) ==
-        std::vector<std::string>{"x.cfg:26: configDataPort sets the data port to 460800 baud, "
-                                 "but radar.data_baud is 921600"});
-  CHECK(warnings(stock, 460800) ==
-        std::vector<std::string>{"x.cfg: without configDataPort the firmware sends at 921600 baud, "
-                                 "but radar.data_baud is 460800"});
-  CHECK(warnings(with("0 100 1 0", "0 5 1 0"), 921600) ==
-        std::vector<std::string>{
-            "x.cfg:9: frameCfg requests a frame every 5 ms, but a frame of 640 bytes "
-            "takes 6.9 ms at 921600 baud"});
-  CHECK(warnings(with("0 100 1 0", "0 7 1 0"), 921600).empty());
+  std::string lines;
+  for (const CfgLine& line : command_lines("a  b \r\n\r\n% c\n  % d\n  e\n\nf"))
+    lines += std::to_string(line.number) + ":" + line.text + "\n";
+  CHECK(lines == "1:a  b \n5:  e\n7:f\n");
 }
 
 TEST_CASE("the computed radar frame size matches the firmware's tables") {
@@ -251,60 +180,6 @@ TEST_CASE("the installed radar cfgs give the expected antennas and frame sizes w
       if (is("azimuth"))
         CHECK(p.frame_bytes == (p.bins == 64 ? 2304 : p.bins == 128 ? 6528 : 8832));
     }
-}
-
-namespace {
-
-std::string four_subframes() { return contents(source_dir + "/tests/drivers/four_subframes.cfg"); }
-
-std::string changed(const std::string& from, const std::string& to) {
-  return with(from, to, four_subframes());
-}
-
-}  // namespace
-
-TEST_CASE(
-    "radar subframes that differ in start frequency share one axis and send one packet each") {
-  const std::string paper = contents(source_dir + "/config/radar/xwr68xx_paper_50cm.cfg");
-  const RadarProfile p = parse_profile(four_subframes(), "x.cfg"),
-                     one = parse_profile(paper, "y.cfg");
-  CHECK(p.warnings.empty());
-  CHECK(p.subframes == 4);
-  CHECK(one.subframes == 1);
-  CHECK(same_axis(radar_axis(p), radar_axis(one)));
-  CHECK(p.frame_bytes == one.frame_bytes);
-  CHECK(p.frame_period_s == 0.0125);
-  std::string uneven = four_subframes();
-  uneven.replace(uneven.rfind("1 1 12.5"), 8, "1 1 62.5");
-  CHECK(parse_profile(uneven, "x.cfg").frame_period_s == Approx(0.025));
-}
-
-TEST_CASE(
-    "radar subframes that differ in slope, samples or antennas are refused with the line number") {
-  for (const auto& [from, to] : std::vector<std::pair<std::string, std::string>>{
-           // Only the slope, only the number of samples or only the number of antennas differs.
-           {"18.75 1 60 2000 0 0 30\nchirp", "15 1 60 2000 0 0 30\nchirp"},
-           {"1 60 2000 0 0 30\nchirp", "1 64 2000 0 0 30\nchirp"},
-           {"subFrameCfg 3 0 9 3", "subFrameCfg 3 0 9 2"}})
-    CHECK(refusal(changed(from, to)) ==
-          "x.cfg:33: subFrameCfg has a different range axis or different antennas than subframe 0; "
-          "a record is the mean of all subframes");
-  CHECK(parse_profile(changed("guiMonitor -1", "guiMonitor 2"), "x.cfg").refusals.at(0) ==
-        "x.cfg:52: sensorStart requires guiMonitor for subframe 0 before it");
-  const auto each_gui = [](const char* other) {
-    return changed("guiMonitor -1 0 1 0 0 0 1",
-                   std::string("guiMonitor 0 0 1 0 0 0 1\nguiMonitor 1 0 1 0 0 0 1\n"
-                               "guiMonitor 2 0 1 0 0 0 1\nguiMonitor 3 0 ") +
-                       other);
-  };
-  CHECK(parse_profile(each_gui("1 0 0 0 1"), "x.cfg").refusals.empty());
-  CHECK(refusal(each_gui("0 0 0 0 1")) ==
-        "x.cfg:34: guiMonitor requests other data than the last guiMonitor; a record is the mean "
-        "of all subframes");
-  CHECK(refusal(changed("subFrameCfg 2 0", "subFrameCfg 1 0")) ==
-        "x.cfg:29: advFrameCfg has no subFrameCfg 2");
-  CHECK(refusal(changed("advFrameCfg 4", "% advFrameCfg 4")) ==
-        "x.cfg:30: subFrameCfg requires advFrameCfg before it");
 }
 
 TEST_CASE("radar codes are converted to power, and doubling the magnitude adds 6.02 dB") {

@@ -42,8 +42,4 @@ inline std::string with(const std::string& from, const std::string& to, std::str
   return text.replace(at, from.size(), to);
 }
 
-inline std::string refusal(const std::string& text) {
-  return refusal_by([&] { radar::parse_profile(text, "x.cfg"); });
-}
-
 }  // namespace echofuse::test
