@@ -8,8 +8,10 @@
 #include <atomic>
 #include <chrono>
 #include <cstring>
+#include <mutex>
 #include <new>
-#include <string_view>
+#include <set>
+#include <string>
 #include <thread>
 
 // ONI_EXPORT_DRIVER needs these macros. They are normally defined by XnLib, which is not installed.
@@ -22,32 +24,43 @@ using namespace oni::driver;
 
 constexpr int base_width = 8, base_height = 6;
 constexpr const char* uris[] = {"test/camera@1/4", "test/camera@1/5"};
-std::atomic<bool> present{true}, stalled{false}, mirrored{false}, tenths{false};
-std::atomic<bool> shifts{
-    false};  // whether the camera sends raw shifts instead of depth values until a mode is set
-std::atomic<int> scale{1}, place{0};
-enum class Fault { none, cut, wide, twice, skipped };
-std::atomic<Fault> fault{Fault::none};  // fault that affects every fourth frame
+std::atomic<bool> attached[2];
+std::atomic<int> scale{1};
+std::mutex mutex;
+// Requests of the test. "shifts": the camera sends raw shifts instead of depth values until a
+// mode is set. The faults "cut", "wide", "twice" and "skipped" affect every fourth frame.
+std::set<std::string> requested;
+
+void request(const std::string& what, bool on) {
+  const std::lock_guard lock(mutex);
+  if (on)
+    requested.insert(what);
+  else
+    requested.erase(what);
+}
+bool is(const std::string& what) {
+  const std::lock_guard lock(mutex);
+  return requested.contains(what);
+}
 
 OniVideoMode mode_of(int s) {
-  const OniPixelFormat format =
-      tenths ? ONI_PIXEL_FORMAT_DEPTH_100_UM : ONI_PIXEL_FORMAT_DEPTH_1_MM;
-  return {format, base_width * s, base_height * s, 100 / s};
+  return {is("tenths") ? ONI_PIXEL_FORMAT_DEPTH_100_UM : ONI_PIXEL_FORMAT_DEPTH_1_MM,
+          base_width * s, base_height * s, 100 / s};
 }
 OniVideoMode mode() {
   OniVideoMode now = mode_of(scale);
-  if (shifts) now.pixelFormat = ONI_PIXEL_FORMAT_SHIFT_9_2;
+  if (is("shifts")) now.pixelFormat = ONI_PIXEL_FORMAT_SHIFT_9_2;
   return now;
 }
 
 class Stream final : public StreamBase {
  public:
-  ~Stream() override { halt(); }
+  ~Stream() override { stop(); }
   int getRequiredFrameSize() override { return mode().resolutionX * mode().resolutionY * 2; }
   OniStatus setProperty(int id, const void* data, int) override {
     if (id != ONI_STREAM_PROPERTY_VIDEO_MODE) return ONI_STATUS_NOT_SUPPORTED;
     scale = static_cast<const OniVideoMode*>(data)->resolutionX / base_width;
-    shifts = false;
+    request("shifts", false);
     return ONI_STATUS_OK;
   }
   OniStatus start() override {
@@ -55,7 +68,10 @@ class Stream final : public StreamBase {
     thread_ = std::thread([this] { run(); });
     return ONI_STATUS_OK;
   }
-  void stop() override { halt(); }
+  void stop() override {
+    running_ = false;
+    if (thread_.joinable()) thread_.join();
+  }
   OniBool isPropertySupported(int id) override {
     bool known = false;
     property(id, [&](const auto&) { known = true; });
@@ -83,46 +99,35 @@ class Stream final : public StreamBase {
  private:
   template <class Use>
   static void property(int id, const Use& use) {
-    switch (id) {
-      case ONI_STREAM_PROPERTY_VIDEO_MODE:
-        return use(mode());
-      case ONI_STREAM_PROPERTY_HORIZONTAL_FOV:
-        return use(1.0f);
-      case ONI_STREAM_PROPERTY_VERTICAL_FOV:
-        return use(0.8f);
-      case ONI_STREAM_PROPERTY_MAX_VALUE:
-        return use(10'000);
-      case ONI_STREAM_PROPERTY_STRIDE:
-        return use(mode().resolutionX * 2);
-      case ONI_STREAM_PROPERTY_CROPPING:
-        return use(OniCropping{FALSE, 0, 0, mode().resolutionX, mode().resolutionY});
-      case ONI_STREAM_PROPERTY_MIRRORING:
-        return use(OniBool{mirrored});
-      default:
-        return;
-    }
-  }
-  void halt() {
-    running_ = false;
-    if (thread_.joinable()) thread_.join();
+    const OniVideoMode now = mode();
+    if (id == ONI_STREAM_PROPERTY_VIDEO_MODE) use(now);
+    if (id == ONI_STREAM_PROPERTY_HORIZONTAL_FOV) use(1.0f);
+    if (id == ONI_STREAM_PROPERTY_VERTICAL_FOV) use(0.8f);
+    if (id == ONI_STREAM_PROPERTY_MAX_VALUE) use(10'000);
+    if (id == ONI_STREAM_PROPERTY_STRIDE) use(now.resolutionX * 2);
+    if (id == ONI_STREAM_PROPERTY_CROPPING)
+      use(OniCropping{FALSE, 0, 0, now.resolutionX, now.resolutionY});
+    if (id == ONI_STREAM_PROPERTY_MIRRORING) use(OniBool{is("mirror")});
   }
   void run() {
     const auto period = std::chrono::milliseconds(1000 / mode().fps);
     for (int index = 1; running_; std::this_thread::sleep_for(period)) {
-      if (!present || stalled) continue;
-      const Fault now = index % 4 == 0 ? fault.load() : Fault::none;
-      if (now != Fault::skipped) send(index, now);
-      if (now == Fault::twice) {
+      if ((!attached[0] && !attached[1]) || is("stall")) continue;
+      const bool faulty = index % 4 == 0;
+      if (!faulty || !is("skipped")) send(index, faulty);
+      if (faulty && is("twice")) {
         std::this_thread::sleep_for(period);
-        send(index, now);
+        send(index, faulty);
       }
       ++index;
     }
   }
-  void send(int index, Fault now) {
+  void send(int index, bool faulty) {
     OniFrame* frame = getServices().acquireFrame();
     if (!frame) return;
-    const int width = mode().resolutionX, height = mode().resolutionY;
+    frame->videoMode = mode();
+    const int width = frame->videoMode.resolutionX, height = frame->videoMode.resolutionY;
+    const bool mirrored = is("mirror");
     auto* z = static_cast<OniDepthPixel*>(frame->data);
     for (int y = 0; y < height; ++y)
       for (int x = 0; x < width; ++x)
@@ -130,11 +135,10 @@ class Stream final : public StreamBase {
             static_cast<OniDepthPixel>(1000 + 100 * y + 10 * x + index % 10);
     frame->frameIndex = index;
     frame->timestamp = static_cast<std::uint64_t>(index) * 10'000;
-    frame->videoMode = mode();
-    frame->width = now == Fault::wide ? width + 1 : width;
+    frame->width = faulty && is("wide") ? width + 1 : width;
     frame->height = height;
     frame->stride = width * 2;
-    frame->dataSize = now == Fault::cut ? width : width * height * 2;
+    frame->dataSize = faulty && is("cut") ? width : width * height * 2;
     frame->sensorType = ONI_SENSOR_DEPTH;
     frame->croppingEnabled = FALSE;
     frame->cropOriginX = frame->cropOriginY = 0;
@@ -148,6 +152,7 @@ class Stream final : public StreamBase {
 
 class Camera final : public DeviceBase {
  public:
+  Camera() { scale = 1; }
   OniStatus getSensorInfoList(OniSensorInfo** sensors, int* count) override {
     *sensors = &sensor_;
     *count = 1;
@@ -176,56 +181,41 @@ class Module final : public DriverBase {
   OniStatus initialize(DeviceConnectedCallback connected, DeviceDisconnectedCallback disconnected,
                        DeviceStateChangedCallback changed, void* cookie) override {
     DriverBase::initialize(connected, disconnected, changed, cookie);
-    std::strcpy(info_.uri, uris[0]);
-    std::strcpy(info_.vendor, "Test");
-    std::strcpy(info_.name, "camera");
-    deviceConnected(&info_);
+    for (std::size_t i = 0; i < 2; ++i) {
+      std::strcpy(infos_[i].uri, uris[i]);
+      std::strcpy(infos_[i].vendor, "Test");
+      std::strcpy(infos_[i].name, "camera");
+    }
+    plug(0, true);
     return ONI_STATUS_OK;
   }
-  DeviceBase* deviceOpen(const char* expected, const char*) override {
-    return present && std::strcmp(expected, uris[place]) == 0 ? new Camera : nullptr;
+  DeviceBase* deviceOpen(const char* uri, const char*) override {
+    for (std::size_t i = 0; i < 2; ++i)
+      if (attached[i] && std::strcmp(uri, uris[i]) == 0) return new Camera;
+    return nullptr;
   }
   void deviceClose(DeviceBase* device) override { delete device; }
   OniStatus tryDevice(const char*) override { return ONI_STATUS_ERROR; }
   void shutdown() override { self = nullptr; }
-  void plug(bool in) {
-    if (present.exchange(in) == in) return;
-    in ? deviceConnected(&info_) : deviceDisconnected(&info_);
-  }
-  void plug_second() {
-    second_ = info_;
-    std::strcpy(second_.uri, uris[1]);
-    deviceConnected(&second_);
-  }
-  void unplug_second() { deviceDisconnected(&second_); }
-  void move() {
-    place = 1;
-    std::strcpy(info_.uri, uris[1]);
+  void plug(std::size_t i, bool in) {
+    if (attached[i].exchange(in) == in) return;
+    in ? deviceConnected(&infos_[i]) : deviceDisconnected(&infos_[i]);
   }
 
   static inline Module* self = nullptr;
 
  private:
-  OniDeviceInfo info_{}, second_{};
+  OniDeviceInfo infos_[2] = {};
 };
 
 }  // namespace
 
 extern "C" __attribute__((visibility("default"))) void test_camera(const char* command) {
-  const std::string_view what = command;
-  if (what == "plug" || what == "unplug") Module::self->plug(what == "plug");
-  if (what == "plug second") Module::self->plug_second();
-  if (what == "unplug second") Module::self->unplug_second();
-  if (what == "stall" || what == "run") stalled = what == "stall";
-  if (what == "mirror") mirrored = true;
-  if (what == "tenths") tenths = true;
-  if (what == "shifts") shifts = true;
-  if (what == "move") Module::self->move();
-  if (what == "cut") fault = Fault::cut;
-  if (what == "wide") fault = Fault::wide;
-  if (what == "twice") fault = Fault::twice;
-  if (what == "skipped") fault = Fault::skipped;
-  if (what == "well") fault = Fault::none;
+  const std::string what = command;
+  if (what == "plug" || what == "unplug") return Module::self->plug(0, what == "plug");
+  if (what.ends_with(" second")) return Module::self->plug(1, what == "plug second");
+  const bool ends = what.starts_with("end ");
+  request(ends ? what.substr(4) : what, !ends);
 }
 
 ONI_EXPORT_DRIVER(Module)
