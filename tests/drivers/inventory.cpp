@@ -13,22 +13,31 @@ namespace fs = std::filesystem;
 
 namespace {
 
+struct Interface {
+  std::string number;
+  // Path of the device node's folder relative to the interface's folder. Empty if there is no
+  // device node.
+  std::string node;
+};
+
 class Tree {
  public:
   Tree() {
     fs::permissions(root_, fs::perms(0755));
     fs::create_directories(root_ / "sys/bus/usb/devices");
-    fs::create_directories(root_ / "dev/serial/by-id");
   }
 
   Roots roots() const { return {dir("sys"), dir("dev")}; }
-  // Lists the attached devices. Each line contains the model, the serial number and the firmware of
-  // a device, or the key, the path, the address and the fault of a node. @ is the root folder.
+  std::string dir(const std::string& name) const { return (root_ / name).string(); }
+  // Lists the attached devices. Each line contains the kind, the model, the serial number, the
+  // firmware and the start of the advice of a device, or the key, the path, the address and the
+  // fault of a node. @ is the root folder.
   std::string listed() const {
     std::string out;
-    for (const auto& device : list_attached(roots())) {
-      out += device.model + ", " + device.serial + ", " + device.firmware + "\n";
-      for (const auto& node : device.nodes)
+    for (const auto& d : list_attached(roots())) {
+      out += d.kind + ", " + d.model + ", " + d.serial + ", " + d.firmware + ", " +
+             d.advice.substr(0, d.advice.find(':')) + "\n";
+      for (const auto& node : d.nodes)
         out +=
             "  " + node.key + ", " + node.path + ", " + node.address + ", " + node.missing + "\n";
     }
@@ -36,32 +45,30 @@ class Tree {
       out.replace(at, root_.string().size(), "@");
     return out;
   }
-  std::string dir(const std::string& name) const { return (root_ / name).string(); }
 
   void device(const std::string& place, const std::string& vendor, const std::string& product,
-              const std::string& serial, const std::string& model = "A model") {
-    const fs::path folder = root_ / "sys/devices/pci0/usb1" / place;
-    fs::create_directories(folder);
-    write(folder / "idVendor", vendor);
-    write(folder / "idProduct", product);
-    write(folder / "bcdDevice", "0302");
-    write(folder / "busnum", "1");
-    write(folder / "devnum", "7");
-    write(folder / "product", model);
-    if (!serial.empty()) write(folder / "serial", serial);
-    fs::create_directory_symlink("../../../devices/pci0/usb1/" + place,
-                                 root_ / "sys/bus/usb/devices" / place);
+              const std::string& serial, const std::vector<Interface>& interfaces = {},
+              const std::string& model = "A model") {
+    const std::string target = "devices/pci0/usb1/" + place;
+    const fs::path folder = root_ / "sys" / target;
+    for (const auto& [name, text] : {std::pair{"idVendor", vendor},
+                                     {"idProduct", product},
+                                     {"bcdDevice", "0302"},
+                                     {"busnum", "1"},
+                                     {"devnum", "7"},
+                                     {"product", model},
+                                     {"power/control", "auto"},
+                                     {"serial", serial}})
+      if (!text.empty()) write(folder / name, text);
+    fs::create_directory_symlink("../../../" + target, root_ / "sys/bus/usb/devices" / place);
+    for (const auto& [number, node] : interfaces) {
+      const fs::path inside = folder / (place + ":1." + number.substr(1));
+      write(inside / "bInterfaceNumber", number);
+      fs::create_directories(inside / node);
+      if (!node.empty()) write(root_ / "dev" / fs::path(node).filename(), "");
+    }
   }
-  // Adds an interface. `node` is the path of the device node's folder relative to the interface's
-  // folder. `node` is empty if there is no device node.
-  void interface(const std::string& place, const std::string& number, const std::string& node) {
-    const fs::path folder =
-        root_ / "sys/devices/pci0/usb1" / place / (place + ":1." + std::to_string(stoi(number)));
-    fs::create_directories(folder / node);
-    write(folder / "bInterfaceNumber", number);
-    if (!node.empty()) write(root_ / "dev" / fs::path(node).filename(), "");
-  }
-  void by_id(const std::string& name, const std::string& node) { link("by-id", name, node); }
+  // Adds a link in /dev/serial/`kind`.
   void link(const std::string& kind, const std::string& name, const std::string& node) {
     fs::create_directories(root_ / "dev/serial" / kind);
     fs::create_symlink("../../" + node, root_ / "dev/serial" / kind / name);
@@ -69,6 +76,7 @@ class Tree {
 
  private:
   static void write(const fs::path& file, const std::string& text) {
+    fs::create_directories(file.parent_path());
     std::ofstream(file) << text << '\n';
   }
   const echofuse::test::Folder folder_;
@@ -77,68 +85,53 @@ class Tree {
 
 }  // namespace
 
-TEST_CASE("an XDS110 debug probe is listed with two ports, their roles and stable names") {
+TEST_CASE("known USB devices are listed with the roles, stable names and faults of their ports") {
   Tree tree;
-  tree.device("1-2", "0451", "bef3", "R0081038");
-  tree.interface("1-2", "00", "tty/ttyACM1");
-  tree.interface("1-2", "02", "");
-  tree.interface("1-2", "03", "tty/ttyACM0");
-  tree.by_id("usb-Texas_Instruments_XDS110_R0081038-if00", "ttyACM1");
-  tree.device("1-3", "046d", "c077", "");  // adds a mouse, which must not be listed
-  // udev has not created a link for the data port.
+  // udev has not created a link for the data port of the first board.
+  tree.device("1-1", "0451", "bef3", "R1",
+              {{"00", "tty/ttyACM1"}, {"02", ""}, {"03", "tty/ttyACM0"}});
+  tree.link("by-id", "usb-Texas_Instruments_XDS110_R1-if00", "ttyACM1");
+  tree.device("1-2", "10c4", "ea70", "00E2", {{"00", "ttyUSB0/tty/ttyUSB0"}, {"01", ""}});
+  tree.device("1-3", "10c4", "ea80", "00A1", {{"00", "0003:10C4:EA80.0001/hidraw/hidraw3"}});
+  tree.device("1-4", "10c4", "ea80", "");
+  tree.device("1-5", "2bc5", "0670", "CP1");
+  tree.device("1-6", "151f", "002b", "17");
+  tree.device("1-7", "8086", "0b07", "R2", {}, "Intel(R) RealSense(TM) Depth Camera 435");
+  tree.device("1-8", "8086", "0b63", "", {}, "USB Bridge");  // not listed
+  tree.device("1-9", "046d", "c077", "");                    // a mouse, not listed
+  const std::string usb =
+                        "  , @/dev/bus/usb/001/007, , @/dev/bus/usb/001/007: No such file or "
+                        "directory\n",
+                    driver = "no device node; load the kernel driver ";
   CHECK(tree.listed() ==
-        "A model, R0081038, 3.02\n"
+        "TI XDS110 (radar board), A model, R1, 3.02, \n"
         "  radar.cli, @/dev/ttyACM1, "
-        "serial:@/dev/serial/by-id/usb-Texas_Instruments_XDS110_R0081038-if00, \n"
-        "  radar.data, @/dev/ttyACM0, serial:@/dev/ttyACM0, \n");
-}
-
-TEST_CASE("the ports of a CP2105 are found in sysfs, and a missing kernel driver is reported") {
-  Tree tree;
-  tree.device("1-2", "10c4", "ea70", "00E2");
-  tree.interface("1-2", "00", "ttyUSB0/tty/ttyUSB0");
-  tree.interface("1-2", "01", "");
-  CHECK_THAT(tree.listed(), Catch::StartsWith("A model, 00E2, 3.02\n"
-                                              "  radar.cli, @/dev/ttyUSB0, serial:@/dev/ttyUSB0, \n"
-                                              "  radar.data, , ") &&
-                                Catch::Contains("cdc_acm or cp210x"));
-}
-
-TEST_CASE("CP2110, Orbbec and Time Tagger devices are listed by addresses with serial numbers") {
-  Tree tree;
-  tree.device("1-1", "10c4", "ea80", "00A1");
-  tree.interface("1-1", "00", "0003:10C4:EA80.0001/hidraw/hidraw3");
-  tree.device("1-2", "10c4", "ea80", "");
-  tree.device("1-3", "2bc5", "0670", "CP1");
-  tree.device("1-4", "151f", "002b", "17");
-  const auto list = list_attached(tree.roots());
-  REQUIRE(list.size() == 4);
-  CHECK(list[0].nodes.at(0).path == tree.dir("dev/hidraw3"));
-  CHECK(list[0].nodes.at(0).address == "hid:10c4:ea80:00A1");
-  CHECK(list[1].nodes.at(0).address == "hid:10c4:ea80");
-  CHECK(list[1].nodes.at(0).path.empty());
-  CHECK_THAT(list[1].nodes.at(0).missing, Catch::Contains("hidraw"));
-  CHECK(list[2].nodes.at(0).missing ==
-        tree.dir("dev/bus/usb/001/007") + ": No such file or directory");
-  CHECK(list[2].nodes.at(0).path == tree.dir("dev/bus/usb/001/007"));
-  CHECK_THAT(list[2].advice, Catch::Contains("depth.address"));
-  CHECK_THAT(list[3].advice, Catch::Contains("bridge:tcp"));
-}
-
-TEST_CASE("RealSense cameras are listed by name, and other Intel devices are not listed") {
-  Tree tree;
-  tree.device("1-1", "8086", "0b07", "R1", "Intel(R) RealSense(TM) Depth Camera 435");
-  tree.device("1-2", "8086", "0b63", "", "USB Bridge");
-  const auto list = list_attached(tree.roots());
-  REQUIRE(list.size() == 1);
-  CHECK(list[0].kind == "RealSense camera");
-  CHECK_THAT(list[0].advice, Catch::Contains("echofuse-bridge-realsense: depth.address = "));
+        "serial:@/dev/serial/by-id/usb-Texas_Instruments_XDS110_R1-if00, \n"
+        "  radar.data, @/dev/ttyACM0, serial:@/dev/ttyACM0, \n"
+        "CP2105 (radar board), A model, 00E2, 3.02, \n"
+        "  radar.cli, @/dev/ttyUSB0, serial:@/dev/ttyUSB0, \n"
+        "  radar.data, , , " +
+            driver +
+            "cdc_acm or cp210x\n"
+            "CP2110 HID serial bridge, A model, 00A1, 3.02, \n"
+            "  radar.cli or radar.data, @/dev/hidraw3, hid:10c4:ea80:00A1, \n"
+            "CP2110 HID serial bridge, A model, , 3.02, \n"
+            "  radar.cli or radar.data, , hid:10c4:ea80, " +
+            driver +
+            "hidraw\n"
+            "Orbbec camera, A model, CP1, 3.02, start echofuse-bridge-orbbec\n" +
+            usb +
+            "Opal Kelly FPGA (Swabian Time Tagger), A model, 17, 3.02, start "
+            "echofuse-bridge-timetagger\n" +
+            usb +
+            "RealSense camera, Intel(R) RealSense(TM) Depth Camera 435, R2, 3.02, start "
+            "echofuse-bridge-realsense\n" +
+            usb);
 }
 
 TEST_CASE("an inaccessible device node is reported with its group or the missing udev rules") {
   Tree tree;
-  tree.device("1-2", "0451", "bef3", "R1");
-  tree.interface("1-2", "00", "tty/ttyACM0");
+  tree.device("1-2", "0451", "bef3", "R1", {{"00", "tty/ttyACM0"}});
   fs::permissions(tree.dir("dev/ttyACM0"), fs::perms(0));
   const bool root = ::geteuid() == 0;
   const group* const dialout = root ? ::getgrnam("dialout") : nullptr;
@@ -155,6 +148,17 @@ TEST_CASE("an inaccessible device node is reported with its group or the missing
         "no read/write permission on " + tree.dir("dev/ttyACM0") + ": " + help);
 }
 
+TEST_CASE("the switch of the power saving of a device is found by each of its nodes") {
+  Tree tree;
+  tree.device("1-1", "0451", "bef3", "R1", {{"00", "tty/ttyACM1"}});
+  const std::string control = tree.dir("sys/bus/usb/devices/1-1/power/control");
+  for (const char* node : {"dev/ttyACM1", "dev/bus/usb/001/007"})
+    CHECK(suspension_switch(tree.dir(node), tree.roots()) == control);
+  CHECK(suspension_switch(tree.dir("dev/ttyACM0"), tree.roots()).empty());
+  std::ofstream(control) << "on\n";
+  CHECK(suspension_switch(tree.dir("dev/ttyACM1"), tree.roots()).empty());
+}
+
 TEST_CASE("no devices are listed if sysfs is missing") {
   CHECK(list_attached({"/nowhere/sys", "/nowhere/dev"}).empty());
   CHECK_FALSE(radar_port("/dev/ttyACM0", {"/nowhere/sys", "/nowhere/dev"}));
@@ -162,40 +166,34 @@ TEST_CASE("no devices are listed if sysfs is missing") {
 
 TEST_CASE("the role of a radar port is derived from its device path") {
   Tree tree;
-  tree.device("1-2", "0451", "bef3", "R1");
-  tree.interface("1-2", "00", "tty/ttyACM1");
-  tree.interface("1-2", "03", "tty/ttyACM0");
-  tree.device("1-3", "1a86", "7523", "");
-  tree.interface("1-3", "00", "ttyUSB0/tty/ttyUSB0");
-  const auto role = [&](const std::string& path) { return radar_port(path, tree.roots()); };
-  const std::string by_id = "/dev/serial/by-id/usb-";
-  CHECK(role(by_id + "Texas_Instruments_XDS110__03.00_R1-if00") == RadarPort::command);
-  CHECK(role(by_id + "Texas_Instruments_XDS110__03.00_R1-if03") == RadarPort::data);
-  CHECK(role(by_id + "Silicon_Labs_CP2105_Dual_UART_00E2-if00-port0") == RadarPort::command);
-  CHECK(role(by_id + "Silicon_Labs_CP2105_Dual_UART_00E2-if01-port0") == RadarPort::data);
-  CHECK_FALSE(role(by_id + "Texas_Instruments_XDS110__03.00_R1-if02"));
-  CHECK_FALSE(role(by_id + "FTDI_FT232R_A1-if00-port0"));
-  CHECK_FALSE(role(by_id + "XDS110-ifzz"));
-  CHECK_FALSE(role(by_id + "XDS110-if"));
-  CHECK(role("/dev/ttyACM1") == RadarPort::command);
-  CHECK(role("/dev/ttyACM0") == RadarPort::data);
-  CHECK_FALSE(role("/dev/ttyUSB0"));  // port of a device from an unsupported vendor
-  CHECK_FALSE(role("/dev/ttyS0"));
+  tree.device("1-2", "0451", "bef3", "R1", {{"00", "tty/ttyACM1"}, {"03", "tty/ttyACM0"}});
+  tree.device("1-3", "1a86", "7523", "", {{"00", "ttyUSB0/tty/ttyUSB0"}});  // unsupported vendor
+  const std::string xds110 = "serial/by-id/usb-Texas_Instruments_XDS110__03.00_R1-if",
+                    cp2105 = "serial/by-id/usb-Silicon_Labs_CP2105_Dual_UART_00E2-if";
+  const auto check = [&](std::optional<RadarPort> role, const std::vector<std::string>& paths) {
+    for (const std::string& path : paths) {
+      CAPTURE(path);
+      CHECK((radar_port("/dev/" + path, tree.roots()) == role));
+    }
+  };
+  check(RadarPort::command, {xds110 + "00", cp2105 + "00-port0", "ttyACM1"});
+  check(RadarPort::data, {xds110 + "03", cp2105 + "01-port0", "ttyACM0"});
+  check({}, {xds110 + "02", xds110 + "zz", xds110 + "0", xds110, cp2105 + "03-port0", "ttyUSB0",
+             "ttyS0", "serial/by-id/usb-FTDI_FT232R_A1-if00-port0"});
 }
 
 TEST_CASE("two boards with the same serial number are listed by USB port") {
   Tree tree;
   const std::string serial = GENERATE("R0081038", "R0099999");
-  for (const auto& [place, number, node] :
-       {std::tuple("1-1", "R0081038", 0), {"1-2", serial.c_str(), 2}}) {
-    tree.device(place, "0451", "bef3", number);
-    for (const int port : {0, 3}) {
-      const std::string tty = "ttyACM" + std::to_string(node + (port > 0));
-      tree.interface(place, "0" + std::to_string(port), "tty/" + tty);
-      tree.link("by-path", std::string("pci-usb-") + place + ":1." + std::to_string(port), tty);
-    }
+  for (const bool second : {false, true}) {
+    const std::string place = second ? "1-2" : "1-1", cli = "ttyACM" + std::to_string(2 * second),
+                      data = "ttyACM" + std::to_string(2 * second + 1);
+    tree.device(place, "0451", "bef3", second ? serial : "R0081038",
+                {{"00", "tty/" + cli}, {"03", "tty/" + data}});
+    tree.link("by-path", "pci-usb-" + place + ":1.0", cli);
+    tree.link("by-path", "pci-usb-" + place + ":1.3", data);
   }
-  tree.by_id("usb-TI_XDS110_R0081038-if00", "ttyACM2");
+  tree.link("by-id", "usb-TI_XDS110_R0081038-if00", "ttyACM2");
   const auto list = list_attached(tree.roots());
   REQUIRE(list.size() == 2);
   if (serial == "R0081038") {

@@ -25,6 +25,7 @@ struct Speaker final : BytePort {
   void write(ByteView bytes) override { written.assign(bytes.begin(), bytes.end()); }
   Bytes written;
 };
+std::unique_ptr<Speaker> speaker() { return std::make_unique<Speaker>(); }
 
 }  // namespace
 
@@ -35,8 +36,7 @@ TEST_CASE("raw capture writes one file per connection and creates the file at th
   const PortHandlers handlers{[] {}, [&](ByteView b) { heard.append(b.begin(), b.end()); },
                               [](const Failure&) {}};
   VirtualLoop loop;
-  const ByteOpener opener = tap(
-      loop, [] { return std::make_unique<Speaker>(); }, &keeper, "tags", ".blocks");
+  const ByteOpener opener = tap(loop, speaker, &keeper, "tags", ".blocks");
   const auto silent = opener();  // opener of a port that is never opened
   for (int i = 0; i < 20; ++i) opener()->open(handlers);
   const RawKeeper::Counts counts = keeper.finish();
@@ -56,45 +56,32 @@ TEST_CASE("raw capture writes one file per connection and creates the file at th
 
 TEST_CASE("if raw capture is off, data pass through the original port unchanged") {
   VirtualLoop loop;
-  const auto port = tap(
-      loop, [] { return std::make_unique<Speaker>(); }, nullptr, "x", ".y")();
+  const auto port = tap(loop, speaker, nullptr, "x", ".y")();
   port->write(test::view_of("w"));
   CHECK(dynamic_cast<Speaker&>(*port).written == Bytes{'w'});
 }
 
-TEST_CASE("raw capture drops and counts bytes beyond its queue limit") {
-  const Folder folder;
-  RawKeeper keeper(folder.raw, thread(), {.queue_bytes = 10, .reserve_bytes = 0});
-  keeper.put("a", Bytes(11));
-  keeper.put("a", Bytes(10));
-  const auto counts = keeper.finish();
-  CHECK(counts.dropped == 11);
-  CHECK(counts.kept == 10);
-}
-
-TEST_CASE("raw capture drops and counts queued bytes if the disk hangs") {
+TEST_CASE("raw capture drops and counts bytes beyond its queue limit and if the disk hangs") {
   struct Stalled final : Worker {
     void put(Action /*job*/) override {}
   };
+  const bool stalled = GENERATE(false, true);
   const Folder folder;
-  RawKeeper keeper(folder.raw, std::make_unique<Stalled>(), {.reserve_bytes = 0});
+  RawKeeper keeper(folder.raw, stalled ? std::make_unique<Stalled>() : thread(),
+                   {.queue_bytes = 10, .reserve_bytes = 0});
   keeper.put("a", Bytes(11));
+  keeper.put("a", Bytes(10));
   const auto counts = keeper.finish();
-  CHECK(counts.dropped == 11);
-  CHECK(counts.kept == 0);
+  CHECK(counts.dropped == (stalled ? 21 : 11));
+  CHECK(counts.kept == (stalled ? 0 : 10));
 }
 
 TEST_CASE("raw capture ends at the first write failure and reports the failure once") {
+  const auto [reserve_bytes, why] = GENERATE(table<std::uint64_t, std::string>(
+      {{0, "No such file or directory"}, {UINT64_MAX, "(reserved for the run)"}}));
   const Folder folder;
-  RawLimits limits{.reserve_bytes = 0};
-  const char* why = "";
-  SECTION("raw capture ends if its folder is removed") { why = "No such file or directory"; }
-  SECTION("raw capture ends if the disk has no free space") {
-    limits.reserve_bytes = UINT64_MAX;
-    why = "(reserved for the run)";
-  }
-  RawKeeper keeper(folder.raw, thread(), limits);
-  if (limits.reserve_bytes == 0) fs::remove(folder.raw);
+  RawKeeper keeper(folder.raw, thread(), {.reserve_bytes = reserve_bytes});
+  if (reserve_bytes == 0) fs::remove(folder.raw);
   keeper.put("a", Bytes(5));
   std::string trouble;
   for (int i = 0; i < 2000 && trouble.empty(); ++i) {
@@ -119,22 +106,13 @@ TEST_CASE("raw capture refuses a folder that is not empty") {
 TEST_CASE("camera blocks stored by raw capture match the bridge protocol") {
   using namespace echofuse::bridge;
   const auto golden = test::read_golden("bridge.hex");
-  for (std::size_t i = 0; i < golden.size(); ++i) {
-    const ByteView payload = ByteView(golden[i]).subspan(header_bytes);
-    CHECK(make_block(static_cast<BlockKind>(i), static_cast<std::uint32_t>(i), i == 2 ? 5 : 0,
-                     payload) == golden[i]);
-  }
-  const ByteView depth = ByteView(golden[2]).subspan(header_bytes);
-  const auto read = read_depth(depth);
-  REQUIRE(read);
-  const Bytes again = depth_payload(read->frame, read->x, read->y);
-  CHECK(std::equal(again.begin(), again.end(), depth.begin(), depth.end()));
-  const auto hello = read_hello(hello_payload({.sensor = Sensor::depth,
-                                               .address = "a",
-                                               .model = "m \xff",
-                                               .serial = "s",
-                                               .firmware = "f",
-                                               .axes = {}}));
-  REQUIRE(hello);
-  CHECK(hello->serial == "s");
+  const auto payload = [&](std::size_t i) { return ByteView(golden[i]).subspan(header_bytes); };
+  for (std::uint32_t i = 0; i < golden.size(); ++i)
+    CHECK(make_block(static_cast<BlockKind>(i), i, i == 2 ? 5 : 0, payload(i)) == golden[i]);
+  const DepthPayload read = *read_depth(payload(2));
+  CHECK(std::ranges::equal(depth_payload(read.frame, read.x, read.y), payload(2)));
+  DeviceInfo info;
+  info.model = "m \xff", info.serial = "s", info.firmware = "f";
+  const Hello hello = *read_hello(hello_payload(info));
+  CHECK(hello.model + ", " + hello.serial + ", " + hello.firmware == "m \ufffd, s, f");
 }
