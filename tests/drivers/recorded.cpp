@@ -7,8 +7,8 @@
 
 #include "../catch.hpp"
 #include "drivers/bridge/bridge_protocol.hpp"
-#include "drivers/radar/frame_parser.hpp"
 #include "hex.hpp"
+#include "parsed_frames.hpp"
 
 namespace {
 
@@ -20,33 +20,15 @@ Bytes stream_of(const std::filesystem::path& path) {
   return {std::istreambuf_iterator<char>(in), {}};
 }
 
-std::string line_of(const std::vector<Counter>& counters, const std::string& delivered) {
-  std::ostringstream line;
-  for (const Counter& c : counters)
-    if (c.value > 0) line << c.name << ' ' << c.value << ", ";
-  line << "delivered:" << delivered;
-  return line.str();
-}
-
-std::string radar_frames(const Bytes& stream) {
-  radar::FrameParser parser(12);
-  std::ostringstream delivered;
-  const auto keep = [&](const RadarFrame& f) {
-    delivered << ' ' << f.frame_number << '/' << f.power.size() << '/' << f.array.size();
-  };
-  parser.feed(stream, HostTime{}, keep);
-  parser.finish(keep);
-  return line_of(counters_of(parser.counts()), delivered.str());
-}
+std::string radar_frames(const Bytes& stream) { return test::parse_frames(stream).line(); }
 
 std::string bridge_blocks(const Bytes& stream) {
   bridge::BlockParser parser;
   std::ostringstream delivered;
-  const auto keep = [&](const bridge::Block& b) {
+  parser.feed(stream, [&](const bridge::Block& b) {
     delivered << ' ' << static_cast<int>(b.kind) << '#' << b.sequence << '/' << b.payload.size();
-  };
-  parser.feed(stream, keep);
-  return line_of(counters_of(parser.counts()), delivered.str());
+  });
+  return test::line_of(counters_of(parser.counts())) + "delivered:" + delivered.str();
 }
 
 using Table = std::map<std::string, std::string>;  // expected line for each file name

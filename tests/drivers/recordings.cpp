@@ -6,17 +6,11 @@
 #include "../fixtures/record.hpp"
 #include "acquire/import/import.hpp"
 #include "acquire/record/run_reader.hpp"
-#include "drivers/radar/frame_parser.hpp"
+#include "parsed_frames.hpp"
 
 using namespace echofuse::test;
 
 namespace {
-
-Bytes read(const std::filesystem::path& path) {
-  std::ifstream file(path, std::ios::binary);
-  REQUIRE(file);
-  return {std::istreambuf_iterator<char>(file), {}};
-}
 
 // Recording of an IWR6843 that runs the out-of-box demo of SDK 3.3. The recording is part of TI's
 // industrial toolbox 4.7.
@@ -26,36 +20,25 @@ const char* const automated_doors = "ti-radar/xwr68xx_oob_automated_doors.dat";
 
 TEST_CASE(
     "101 frames are parsed from a recording of another TI demo, however the bytes are split") {
-  const Bytes bytes = read(data_folder() / automated_doors);
+  const std::string text = contents(data_folder() / automated_doors);
+  const Bytes bytes(text.begin(), text.end());
   REQUIRE(bytes.size() == 79'360);
-  for (const std::size_t piece :
-       {bytes.size(), std::size_t{1}, std::size_t{63}, std::size_t{4096}}) {
-    radar::FrameParser parser(12);
-    std::uint32_t number = 209, cycles = 0;
-    const auto check = [&](const RadarFrame& frame) {
-      REQUIRE(frame.frame_number == number++);
-      REQUIRE(frame.power.size() == 256);
-      REQUIRE(frame.lost_before == 0);
-      REQUIRE(frame.stats);
-      // The frame period is 20 million cycles of a 200 MHz clock (100 ms) with a tolerance of 2 ms.
-      if (cycles)
-        REQUIRE(std::abs(static_cast<int>(frame.time_cpu_cycles - cycles) - 20'000'000) < 400'000);
-      cycles = frame.time_cpu_cycles;
-    };
-    for (std::size_t at = 0; at < bytes.size(); at += piece)
-      parser.feed(ByteView(bytes).subspan(at, std::min(piece, bytes.size() - at)), HostTime{},
-                  check);
-    parser.finish(check);
-    const radar::FrameCounts& c = parser.counts();
-    CHECK(c.frames == 101);
-    CHECK(c.range_profiles == 101);
-    CHECK(c.last_frame_number == 309u);
-    CHECK(c.frame_bytes == bytes.size());
-    CHECK(c.other_tlvs == 198);
-    CHECK(c.junk_bytes + c.truncated_frames + c.bad_headers + c.bad_tlvs + c.resyncs +
-              c.lost_frames ==
-          0);
+  const std::size_t piece = GENERATE(1, 63, 4096, 79'360);
+  const ParsedFrames p = parse_frames(bytes, [=] { return piece; });
+  std::uint32_t number = 209;
+  std::string delivered;
+  for (const RadarFrame& frame : p.frames) {
+    delivered += " " + std::to_string(number++) + "/256/0";
+    REQUIRE(frame.lost_before == 0);
+    REQUIRE(frame.stats);
   }
+  // The frame period is 20 million cycles of a 200 MHz clock (100 ms) with a tolerance of 2 ms.
+  for (std::size_t i = 1; i < p.frames.size(); ++i)
+    REQUIRE(p.frames[i].time_cpu_cycles - p.frames[i - 1].time_cpu_cycles - 19'600'000 < 800'000);
+  CHECK(
+      p.line() ==
+      "bytes 79360, frames 101, frame_bytes 79360, range_profiles 101, other_tlvs 198, delivered:" +
+          delivered);
 }
 
 TEST_CASE(
