@@ -3,11 +3,9 @@
 
 #include <array>
 
-#include "../catch.hpp"
-#include "drivers/core/bytes.hpp"
+#include "../fixtures/error.hpp"
 #include "drivers/core/random.hpp"
 #include "drivers/tdc/tag_filter.hpp"
-#include "drivers/util/exit_code.hpp"
 
 using namespace echofuse::tdc;
 
@@ -20,36 +18,50 @@ Tag marker(TagType type, std::int32_t channel = 0, std::uint16_t missed = 0) {
   return {.type = type, .missed_events = missed, .channel = channel};
 }
 
-std::vector<Tag> random_tags(Rng& rng, const HistogramSettings& s, std::size_t count) {
-  std::vector<Tag> tags;
-  const auto span = s.bin_width_ps * s.bins;
-  std::int64_t time = std::numeric_limits<std::int64_t>::max() - 20 * span;
-  for (std::size_t i = 0; i < count; ++i) {
-    time = static_cast<std::int64_t>(static_cast<std::uint64_t>(time) +
-                                     rng() % static_cast<std::uint64_t>(span / 2 + 2));
+std::vector<Tag> random_tags(Rng& rng, std::size_t count) {
+  std::vector<Tag> tags(count);
+  std::uint64_t time = std::numeric_limits<std::int64_t>::max() - 160'000;  // the times wrap
+  for (Tag& one : tags) {
+    time += rng() % 4002;
     const auto dice = rng() % 100;
-    if (dice < 45)
-      tags.push_back(tag(s.start_channel, time));
-    else if (dice < 90)
-      tags.push_back(tag(s.click_channel, time));
-    else if (dice < 94)
-      tags.push_back(tag(-7, time));
-    else
-      tags.push_back(marker(static_cast<TagType>(1 + rng() % 4),
-                            static_cast<std::int32_t>(rng() % 4),
-                            static_cast<std::uint16_t>(rng())));
+    one = dice < 94
+              ? tag(dice < 45   ? 1
+                    : dice < 90 ? 2
+                                : -7,
+                    static_cast<std::int64_t>(time))
+              : marker(static_cast<TagType>(1 + rng() % 4), static_cast<std::int32_t>(rng() % 4),
+                       static_cast<std::uint16_t>(rng()));
   }
   return tags;
 }
 
-// Calls `take` with consecutive blocks of 1 to `most` tags.
-template <class Take>
-void for_random_blocks(Rng& rng, std::span<const Tag> tags, std::size_t most, Take take) {
-  while (!tags.empty()) {
-    const std::size_t n = std::min<std::size_t>(tags.size(), 1 + rng() % most);
-    take(tags.first(n));
-    tags = tags.subspan(n);
+using Times = std::vector<std::int64_t>;
+
+Times times_of(std::span<const Tag> tags) {
+  Times times;
+  for (const Tag& t : tags) times.push_back(t.time_ps);
+  return times;
+}
+
+// Returns the tags of laser pulses emitted every 50 ns. Each pulse causes a click with the
+// probability `chance`. If `filtered` is true, starts that are not followed by a click are left
+// out.
+std::vector<Tag> pulses(double chance, bool filtered, std::int64_t count, Rng& rng) {
+  std::bernoulli_distribution clicks(chance);
+  std::vector<Tag> tags;
+  for (std::int64_t n = 0; n < count; ++n) {
+    const bool click = clicks(rng);
+    if (click || !filtered) tags.push_back(tag(1, n * 50'000));
+    if (click) tags.push_back(tag(2, n * 50'000 + 6667));
   }
+  return tags;
+}
+
+double share_of(const std::vector<Tag>& tags) {
+  StartGaps gaps(1);
+  gaps.add(tags);
+  REQUIRE(gaps.share());
+  return *gaps.share();
 }
 
 }  // namespace
@@ -81,36 +93,26 @@ TEST_CASE("the tag filter delays and sorts tags and removes tags within the dead
   TagFilter plain(FilterSettings{});
   CHECK(plain.feed(tags).data() == tags.data());
   TagFilter filter({.click_delay_ps = 150, .dead_time_ps = 10});
-  std::vector<std::int64_t> times;
-  const auto note = [&](std::span<const Tag> out) {
-    for (const Tag& t : out) times.push_back(t.time_ps);
-  };
-  note(filter.feed(tags));
-  CHECK(times == std::vector<std::int64_t>{100, 200});
-  note(filter.feed(std::vector{marker(TagType::error)}));
-  CHECK(times == std::vector<std::int64_t>{100, 200, 260, 0});
+  CHECK(times_of(filter.feed(tags)) == Times{100, 200});
+  CHECK(times_of(filter.feed(std::vector{marker(TagType::error)})) == Times{260, 0});
   CHECK(filter.flush().empty());
   CHECK(filter.take_removed() == 1);
 }
 
 TEST_CASE("a tag exactly the dead time after the last kept tag of its channel is kept") {
   TagFilter filter({.dead_time_ps = 10});
-  std::vector<std::int64_t> clicks;
-  const auto note = [&](std::span<const Tag> out) {
-    for (const Tag& t : out)
-      if (t.channel == 2) clicks.push_back(t.time_ps);
-  };
-  note(filter.feed(std::vector{tag(2, 0), tag(2, 9), tag(1, 9), tag(2, 10), tag(2, 19)}));
-  note(filter.feed(std::vector{tag(2, 20), tag(1, 21), tag(2, 29)}));
-  note(filter.flush());
-  CHECK(clicks == std::vector<std::int64_t>{0, 10, 20});
+  CHECK(times_of(filter.feed(std::vector{tag(2, 0), tag(2, 9), tag(1, 9), tag(2, 10),
+                                         tag(2, 19)})) == Times{0, 9, 10});
+  CHECK(times_of(filter.feed(std::vector{tag(2, 20), tag(1, 21), tag(2, 29)})) == Times{20, 21});
+  CHECK(filter.flush().empty());
   CHECK(filter.take_removed() == 3);
 }
 
 TEST_CASE("the tag filter releases waiting tags if their times stand still") {
   TagFilter filter({.click_delay_ps = 5});
   const std::vector<Tag> clicks((1u << 20) + 1, tag(2, 100));
-  CHECK(filter.feed(clicks).size() == clicks.size());
+  CHECK(filter.feed(std::span(clicks).first(1u << 20)).empty());
+  CHECK(filter.feed(std::span(clicks).last(1)).size() == clicks.size());
   CHECK(filter.flush().empty());
 }
 
@@ -125,24 +127,26 @@ TEST_CASE("tags in random blocks and slots are counted like tags in one block of
                               .bins = 8,
                               .click_delay_ps = slots ? 0 : std::array{-5000, 7000}[seed % 4 / 2],
                               .dead_time_ps = std::array{0, 2000, 3000}[seed % 3]};
-    const auto tags = random_tags(rng, s, 600);
+    const auto tags = random_tags(rng, 600);
     Histogram expected(s);
     expected.add(tags);
     expected.flush();
     std::vector<Histogram> parts{Histogram(s)};
     parts.reserve(tags.size() + 1);
-    for_random_blocks(rng, tags, 12, [&](auto block) {
+    for (std::span<const Tag> rest = tags; !rest.empty();) {
       if (slots && rng() % 3 == 0) {
         parts.emplace_back(s);
         parts.back().follow(parts[parts.size() - 2]);
       }
-      parts.back().add(block);
-    });
+      const std::size_t n = std::min<std::size_t>(rest.size(), 1 + rng() % 12);
+      parts.back().add(rest.first(n));
+      rest = rest.subspan(n);
+    }
     parts.back().flush();
     std::vector<std::uint32_t> counts(s.bins);
     TagCounts sum;
     for (const Histogram& part : parts) {
-      for (std::size_t i = 0; i < counts.size(); ++i) counts[i] += part.counts()[i];
+      std::ranges::transform(counts, part.counts(), counts.begin(), std::plus());
       sum += part.tag_counts();
     }
     CHECK(counts == expected.counts());
@@ -165,8 +169,7 @@ TEST_CASE("the dead time also applies to two clicks on either side of a slot bor
 }
 
 TEST_CASE("a cable delay longer than the laser period is compensated") {
-  constexpr std::int64_t period_ps = 50'000, flight_ps = 26'350, cable_ps = 50'000;
-  constexpr std::uint32_t pulses = 1000;
+  constexpr std::int64_t period_ps = 50'000, flight_ps = 26'350, cable_ps = 50'000, pulses = 1000;
   std::vector<Tag> tags;
   for (std::int64_t k = 0; k < pulses; ++k) {
     tags.push_back(tag(1, k * period_ps));
@@ -178,16 +181,73 @@ TEST_CASE("a cable delay longer than the laser period is compensated") {
   CHECK(histogram.counts()[(flight_ps - 13343) / 100] == pulses - 1);
 }
 
-TEST_CASE("the histogram axis matches the bin settings") {
+TEST_CASE("the histogram axis matches the bin settings, and invalid settings are refused") {
   CHECK(same_axis(Histogram({}).axis(), Axis{"spd", "counts", "ps", 336, 13343, 100}));
+  const auto refused = [](const HistogramSettings& s) {
+    return test::error_of([&] { Histogram{s}; }).first == ExitCode::config;
+  };
+  CHECK_FALSE(refused({.bins = 1u << 24}));
+  CHECK(refused({.bins = (1u << 24) + 1}));
+  CHECK(refused({.bins = 0}));
+  CHECK(refused({.bin_width_ps = 0}));
+  CHECK(refused({.start_channel = 2}));
+  CHECK_FALSE(refused({.bin_width_ps = 1ll << 49, .bins = 2}));
+  CHECK(refused({.bin_width_ps = (1ll << 49) + 1, .bins = 2}));
+  for (const int sign : {-1, 1}) {
+    CHECK_FALSE(refused({.click_delay_ps = sign * 1'000'000'000}));
+    CHECK(refused({.click_delay_ps = sign * 1'000'000'001}));
+  }
+  CHECK_FALSE(refused({.dead_time_ps = 1'000'000'000}));
+  CHECK(refused({.dead_time_ps = 1'000'000'001}));
+  CHECK(refused({.dead_time_ps = -1}));
 }
 
-TEST_CASE("invalid histogram settings are refused") {
-  CHECK_THROWS_AS(Histogram({.bins = 0}), Error);
-  CHECK_THROWS_AS(Histogram({.bin_width_ps = 0}), Error);
-  CHECK_THROWS_AS(Histogram({.start_channel = 2}), Error);
-  CHECK_THROWS_AS(Histogram({.bin_width_ps = 1ll << 50, .bins = 2}), Error);
-  CHECK_THROWS_AS(Histogram({.bins = (1u << 24) + 1}), Error);
-  CHECK_THROWS_AS(Histogram({.click_delay_ps = -1'000'000'001}), Error);
-  CHECK_THROWS_AS(Histogram({.dead_time_ps = -1}), Error);
+TEST_CASE(
+    "if a conditional filter is used, click probability is computed from gaps between starts") {
+  Rng rng = make_rng(7, 0);
+  for (const double chance : {0.03, 0.1, 0.5, 0.95}) {
+    const double n = 1e6 * chance, gaps = std::min(n, 1e5);
+    CHECK(std::abs(share_of(pulses(chance, true, 1'000'000, rng)) - chance) <
+          5 * std::sqrt(chance * (1 - chance) / gaps));
+  }
+  for (const double chance : {1e-3, 5e-3})
+    CHECK(share_of(pulses(chance, true, 10'000'000, rng)) < 0.02);
+}
+
+TEST_CASE("gaps in the tags and damaged time stamps do not count as laser pulses") {
+  Rng rng = make_rng(7, 2);
+  auto tags = pulses(0.1, true, 1'000'000, rng);
+  const double whole = share_of(tags);
+  for (std::size_t i = 500; i < tags.size(); i += 5000) tags[i].time_ps ^= std::int64_t{1} << 40;
+  for (std::size_t i = 700; i < tags.size(); i += 5000) tags[i].time_ps += 3;
+  for (std::size_t i = 900; i < tags.size(); i += 5000) tags[i].type = TagType::overflow_begin;
+  CHECK(std::abs(share_of(tags) - whole) < 2e-3);
+  StartGaps gaps(1);
+  for (const Tag& tag : tags) {
+    gaps.add({&tag, 1});
+    gaps.forget_start();
+  }
+  CHECK_FALSE(gaps.share());
+}
+
+TEST_CASE("clicks per laser pulse are equal with and without a conditional filter") {
+  Rng rng = make_rng(7, 3);
+  for (const double chance : {0.03, 0.1, 0.5})
+    for (const bool filtered : {false, true}) {
+      const auto tags = pulses(chance, filtered, 300'000, rng);
+      StartGaps gaps(1);
+      gaps.add(tags);
+      const auto starts = static_cast<std::uint64_t>(
+          std::ranges::count(tags, 1, [](const Tag& t) { return t.channel; }));
+      if (!filtered) CHECK(gaps.share() == 1);
+      CHECK(gaps.clicks_per_pulse(tags.size() - starts, starts).value() ==
+            Approx(chance).epsilon(0.1));
+    }
+  // The following streams contain too few tags for an estimate.
+  StartGaps few(1), slow(1);
+  CHECK_FALSE(few.clicks_per_pulse(0, 0));
+  few.add(pulses(1e-3, true, 100'000, rng));
+  CHECK_FALSE(few.clicks_per_pulse(100, 100));
+  slow.add(pulses(0.5, false, 30, rng));
+  CHECK(slow.clicks_per_pulse(15, 30) == 0.5);
 }
