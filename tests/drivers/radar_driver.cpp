@@ -1,15 +1,9 @@
 // SPDX-License-Identifier: MIT
 // Tests the radar driver over real pseudo-terminals with a minimal simulated firmware.
-#include <pty.h>
-#include <unistd.h>
-
-#include <boost/asio/posix/stream_descriptor.hpp>
-#include <boost/asio/write.hpp>
-
 #include "../fixtures/folder.hpp"
 #include "drivers/make_driver.hpp"
-#include "drivers/radar/profile.hpp"
 #include "hex.hpp"
+#include "sim/devices/pty_uart.hpp"
 #include "sink.hpp"
 
 using test::run_until;
@@ -26,81 +20,12 @@ const std::string cfg =
     "guiMonitor -1 0 1 0 0 0 1\n"
     "sensorStart\n";
 
-// Pseudo-terminal that replaces a serial line. The driver opens the far end of the pseudo-terminal
-// through the symbolic link `link`.
-class Line {
- public:
-  Line(port::SystemLoop& loop, const std::string& link) : master_(loop.io()), link_(link) {
-    int master = -1;
-    char name[128];
-    REQUIRE(openpty(&master, &slave_, name, nullptr, nullptr) == 0);
-    termios raw;
-    tcgetattr(slave_, &raw);
-    cfmakeraw(&raw);
-    tcsetattr(slave_, TCSANOW, &raw);
-    master_.assign(master);
-    std::filesystem::create_symlink(name, link_);
-  }
-  ~Line() {
-    ::close(slave_);
-    std::filesystem::remove(link_);
-  }
-  Line(const Line&) = delete;
-  Line& operator=(const Line&) = delete;
-  void send(ByteView bytes) {
-    boost::asio::write(master_, boost::asio::buffer(bytes.data(), bytes.size()));
-  }
-  void receive(std::function<void(ByteView)> handler) {
-    master_.async_read_some(boost::asio::buffer(buffer_),
-                            [this, handler](const boost::system::error_code& error, std::size_t n) {
-                              if (error) return;
-                              handler(ByteView(buffer_).first(n));
-                              receive(handler);
-                            });
-  }
-
- private:
-  boost::asio::posix::stream_descriptor master_;
-  std::string link_;
-  // Kept open so that the pseudo-terminal continues to exist after the driver has closed its end.
-  int slave_ = -1;
-  std::array<std::uint8_t, 256> buffer_{};
-};
-
-// Simulates the radar's command port, which sends an echo, an answer and a prompt for each command.
-struct Board {
-  Board(port::SystemLoop& loop, const test::Folder& dir)
-      : cli(loop, dir / "cli"), data(loop, dir / "data") {
-    cli.receive([this](ByteView bytes) {
-      for (const std::uint8_t byte : bytes) {
-        if (byte != '\n') {
-          line += static_cast<char>(byte);
-          continue;
-        }
-        lines.push_back(line);
-        const std::string version =
-            line == "version" ? "mmWave SDK Version      : 03.05.00.04\n\r" : "";
-        cli.send(test::view_of(line + "\r\n" + version + (line.empty() ? "" : "Done\n\r") +
-                               "mmwDemo:/>"));
-        line.clear();
-      }
-    });
-  }
-
-  Line cli, data;
-  std::string line;
-  std::vector<std::string> lines;
-};
-
 struct Bench {
   void start(const std::string& text = cfg) {
     driver = make_radar(loop, {"serial:" + dir / "cli", "serial:" + dir / "data", text, "x.cfg"});
     driver->start(sink);
   }
   std::uint64_t count(const char* name) const { return test::counter(*driver, name); }
-  bool configured() {
-    return run_until(loop, [&] { return count("configured") == 1; });
-  }
 
   test::Folder dir;
   port::SystemLoop loop;
@@ -108,18 +33,31 @@ struct Bench {
   std::unique_ptr<Driver> driver;
 };
 
+// Radar that accepts each command.
+struct Board {
+  explicit Board(Bench& b)
+      : cli(b.loop, b.dir / "cli", 115200, [this](ByteView bytes) { receive(bytes); }),
+        data(b.loop, b.dir / "data", 921600, [](ByteView) {}) {}
+  void receive(ByteView bytes) {
+    heard.append(bytes.begin(), bytes.end());
+    for (auto n = std::ranges::count(bytes, '\n'); n > 0; --n)
+      cli.send(test::view_of("mmWave SDK Version      : 03.05.00.04\n\rDone\n\rmmwDemo:/>"));
+  }
+  std::string heard;
+  sim::PtyUart cli, data;
+};
+
 }  // namespace
 
 TEST_CASE("the radar driver sends the cfg unchanged and then receives frames") {
   Bench b;
-  Board board(b.loop, b.dir);
+  Board board(b);
   // Bytes that were waiting before the port is opened are discarded.
   board.data.send(test::view_of("bytes of yesterday"));
+  REQUIRE(run_until(b.loop, [&] { return board.data.idle(); }));
   b.start();
-  REQUIRE(b.configured());
-  std::vector<std::string> expected{"", "version"};
-  for (const auto& line : radar::command_lines(cfg)) expected.push_back(line.text);
-  CHECK(board.lines == expected);
+  REQUIRE(run_until(b.loop, [&] { return b.count("configured") == 1; }));
+  CHECK(board.heard == "\nversion\n" + cfg);
   CHECK(b.sink.state() == DeviceState::connecting);
   const auto golden = test::read_golden("radar.hex");
   board.data.send(test::join(golden));
@@ -142,7 +80,7 @@ TEST_CASE("the radar driver sends the cfg unchanged and then receives frames") {
 
 TEST_CASE("a heat map of another board is dropped, but the range profile of the frame is kept") {
   Bench b;
-  Board board(b.loop, b.dir);
+  Board board(b);
   std::string text = cfg;
   for (const auto& [from, to] : std::vector<std::pair<std::string, std::string>>{
            {"256 12500", "4 12500"},
@@ -150,45 +88,40 @@ TEST_CASE("a heat map of another board is dropped, but the range profile of the 
            {"-1 0 1 0 0 0 1", "-1 0 1 0 1 0 1"}})
     text.replace(text.find(from), from.size(), to);
   b.start(text);
-  REQUIRE(b.configured());
+  REQUIRE(run_until(b.loop, [&] { return b.count("configured") == 1; }));
   board.data.send(test::join(test::read_golden("radar_array.hex")));
   REQUIRE(run_until(b.loop, [&] { return b.sink.radar.size() == 4; }));
   REQUIRE(b.sink.info.axes.size() == 2);
-  CHECK(b.sink.info.axes[1].name == "array");
-  CHECK(b.sink.info.axes[1].count == 4);
-  CHECK(b.sink.info.axes[1].scale == 8);
-  CHECK(b.sink.radar[0].array.size() == 64);
-  CHECK(b.sink.radar[1].array.empty());
-  CHECK(b.sink.radar[1].power.size() == 4);
-  CHECK(b.sink.radar[2].array.size() == 64);
+  CHECK(same_axis(b.sink.info.axes[1],
+                  Axis{"array", "covariance", "m", 4, 0, b.sink.info.axes[0].step, 8}));
+  std::vector<std::size_t> values;
+  for (const RadarFrame& frame : b.sink.radar)
+    values.insert(values.end(), {frame.power.size(), frame.array.size()});
+  CHECK(values == std::vector<std::size_t>{4, 64, 4, 0, 4, 64, 4, 0});
   CHECK(b.count("arrays") == 3);
   CHECK(b.count("bad_arrays") == 1);
   CHECK(b.sink.events == std::vector<std::string>{
                              "the heat map has 48 samples in TLV 8, but the cfg and radar.board "
                              "require 32 in TLV 4; the heat map is ignored"});
-  b.driver->stop();
 }
 
 TEST_CASE("a missing radar port is reported with its name") {
   Bench b;
   b.start();
   REQUIRE(run_until(b.loop, [&] { return b.sink.state() == DeviceState::faulted; }));
-  CHECK_THAT(b.sink.events.at(0),
-             Catch::Contains(b.dir / "cli" + ": cannot open: No such file or directory"));
+  CHECK(b.sink.events.at(0) == b.dir / "cli" + ": cannot open: No such file or directory");
 }
 
 TEST_CASE("swapped radar ports are detected by their names when the driver starts") {
+  const bool swapped = GENERATE(false, true);
   Bench b;
-  const std::string by_id = "serial:/dev/serial/by-id/usb-Texas_Instruments_XDS110_R1-if0";
-  const auto swapped = make_radar(b.loop, {by_id + "3", by_id + "0", cfg, "x.cfg"});
-  swapped->start(b.sink);
-  REQUIRE(b.sink.events.size() == 2);
-  CHECK_THAT(b.sink.events[0], Catch::Contains("radar.cli") && Catch::Contains("data port"));
-  CHECK_THAT(b.sink.events[1], Catch::Contains("radar.data") && Catch::Contains("command port"));
-  swapped->stop();
-  b.sink.events.clear();
-  const auto right = make_radar(b.loop, {by_id + "0", by_id + "3", cfg, "x.cfg"});
-  right->start(b.sink);
-  CHECK(b.sink.events.empty());
-  right->stop();
+  const std::string by_id = "serial:/dev/serial/by-id/usb-Texas_Instruments_XDS110_R1-if0",
+                    command = by_id + "0", data = by_id + "3";
+  b.driver = make_radar(b.loop, {swapped ? data : command, swapped ? command : data, cfg, "x.cfg"});
+  b.driver->start(b.sink);
+  const std::string end = " port; are radar.cli and radar.data swapped?";
+  CHECK(b.sink.events ==
+        (swapped ? std::vector{"radar.cli = \"" + data + "\" is the board's data" + end,
+                               "radar.data = \"" + command + "\" is the board's command" + end}
+                 : std::vector<std::string>{}));
 }

@@ -6,8 +6,7 @@
 namespace echofuse::sim {
 namespace {
 
-constexpr std::uint8_t enable_id = 0x41, status_id = 0x42, purge_id = 0x43, version_id = 0x46,
-                       config_id = 0x50;
+constexpr std::uint8_t enable_id = 0x41, status_id = 0x42, purge_id = 0x43, config_id = 0x50;
 constexpr std::size_t max_data = 63;
 
 }  // namespace
@@ -24,8 +23,6 @@ bool Cp2110Chip::set_feature(ByteView report) {
     case config_id:
       if (report.size() < 9) return false;
       config_.assign(report.begin(), report.begin() + 9);
-      baud_ = 0;
-      for (int i = 1; i <= 4; ++i) baud_ = baud_ << 8 | config_[static_cast<std::size_t>(i)];
       return true;
     default:
       return false;
@@ -33,18 +30,11 @@ bool Cp2110Chip::set_feature(ByteView report) {
 }
 
 std::optional<Bytes> Cp2110Chip::get_feature(std::uint8_t id) {
-  if (id == enable_id) return Bytes{id, on_};
-  if (id == version_id) return Bytes{id, 0x0A, 0x08};
-  if (id == config_id && !config_.empty()) return config_;
   if (id != status_id) return std::nullopt;
-  const auto fill = fifo_.size();
-  return Bytes{id,
-               0,
-               0,
-               static_cast<std::uint8_t>(fill >> 8),
-               static_cast<std::uint8_t>(fill),
-               static_cast<std::uint8_t>(std::exchange(overrun_, false) ? 2 : 0),
-               0};
+  const auto fill = static_cast<std::uint16_t>(fifo_.size());
+  const std::uint8_t low = fill & 0xff, high = fill >> 8, errors = overrun_ ? 2 : 0;
+  overrun_ = false;
+  return Bytes{id, 0, 0, high, low, errors, 0};
 }
 
 bool Cp2110Chip::output(ByteView report) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Model of the CP2110 according to application note AN434, between the host's reports and the UART
-// lines. Does not model time or USB. Does not use the product's drivers/port/cp2110.hpp.
+// lines. Answers only the requests for the status. Does not model time or USB. Does not use the
+// product's drivers/port/cp2110.hpp.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -34,7 +35,6 @@ class Cp2110Chip {
   std::size_t receive(ByteView bytes);
 
   bool on() const { return on_; }
-  std::uint32_t baud() const { return baud_; }
   const Bytes& config() const { return config_; }  // last complete report 0x50 from the host
   bool waiting() const { return !fifo_.empty(); }
 
@@ -42,7 +42,6 @@ class Cp2110Chip {
   std::function<void(ByteView)> transmit_;
   std::deque<std::uint8_t> fifo_;
   Bytes config_;
-  std::uint32_t baud_ = 115200;
   bool on_ = false, overrun_ = false;
 };
 

@@ -10,10 +10,10 @@
 #include <algorithm>
 #include <cerrno>
 #include <chrono>
-#include <cstdio>
 #include <cstring>
 
 #include "drivers/util/exit_code.hpp"
+#include "drivers/util/format.hpp"
 
 namespace echofuse::sim {
 namespace {
@@ -27,43 +27,38 @@ constexpr std::uint8_t descriptor[] = {0x06, 0x00, 0xFF, 0x09, 0x01, 0xA1, 0x01,
                                        0x95, 0x01, 0x26, 0xFF, 0x00, 0x75, 0x08, 0x09, 0x01,
                                        0x81, 0x02, 0x09, 0x01, 0x91, 0x02, 0xC0};
 constexpr const char* descriptor_hex = "0600FF0901A1018501950126FF0075080901810209019102C0";
-constexpr const char* product_name = "CP2110 HID USB-to-UART Bridge";
-
-std::string hex4(unsigned value) {
-  std::array<char, 8> text{};
-  std::snprintf(text.data(), text.size(), "%04X", value);
-  return text.data();
-}
 
 // Returns the folders of the device in /sys. Parent folders come first.
 std::vector<std::string> folders(unsigned number) {
-  const std::string port = std::to_string(number + 1);
-  const std::string usb = "/devices/pci0000:00/0000:00:14.0/usb1/1-" + port;
-  const std::string interface = usb + "/1-" + port + ":1.0";
-  const std::string hid = interface + "/0003:10C4:EA80." + hex4(number + 1);
-  return {usb, interface, hid, hid + "/hidraw/hidraw" + std::to_string(number)};
+  const std::string usb = format("/devices/pci0000:00/0000:00:14.0/usb1/1-%u", number + 1),
+                    interface = usb + format("/1-%u:1.0", number + 1),
+                    hid = interface + format("/0003:10C4:EA80.%04X", number + 1);
+  return {usb, interface, hid, hid + format("/hidraw/hidraw%u", number)};
 }
 
-std::string node_of(unsigned number) { return "/dev/hidraw" + std::to_string(number); }
+std::string node_of(unsigned number) { return format("/dev/hidraw%u", number); }
 
 std::string describe(const HidOptions& options) {
-  const std::string device = std::to_string(options.number + 2);
+  const unsigned device = options.number + 2;
+  const std::string maker = "Silicon Laboratories", product = "CP2110 HID USB-to-UART Bridge";
   const auto at = folders(options.number);
-  return "P: " + at[0] +
-         "\nE: SUBSYSTEM=usb\nE: DRIVER=usb\nE: DEVTYPE=usb_device\nE: BUSNUM=001\n" +
-         "E: DEVNUM=00" + device + "\nE: PRODUCT=10c4/EA80/100\nA: idVendor=10c4\\n\n" +
-         "A: idProduct=EA80\\n\nA: bcdDevice=0100\\n\nA: manufacturer=Silicon Laboratories\\n\n" +
-         "A: product=" + product_name + "\\n\nA: serial=" + options.serial +
-         "\\n\nA: busnum=1\\n\nA: devnum=" + device + "\\n\n\nP: " + at[1] +
-         "\nE: SUBSYSTEM=usb\nE: DRIVER=usbhid\nE: DEVTYPE=usb_interface\nE: INTERFACE=3/0/0\n"
-         "A: bInterfaceNumber=00\\n\nA: bInterfaceClass=03\\n\n\nP: " +
-         at[2] + "\nE: SUBSYSTEM=hid\nE: DRIVER=hid-generic\nE: HID_ID=0003:000010C4:0000EA80" +
-         "\nE: HID_NAME=Silicon Laboratories " + product_name +
-         "\nE: HID_PHYS=usb-0000:00:14.0-1/input0\nE: HID_UNIQ=" + options.serial +
-         "\nH: report_descriptor=" + descriptor_hex + "\n\nP: " + at[3] +
-         "\nE: SUBSYSTEM=hidraw\nE: DEVNAME=" + node_of(options.number) +
-         "\nE: MAJOR=240\nE: MINOR=" + std::to_string(options.number) + "\nL: device=../../../" +
-         at[2].substr(at[2].rfind('/') + 1) + "\n";
+  return lines("P: ", {at[0]}) +
+         lines("E: ", {"SUBSYSTEM=usb", "DRIVER=usb", "DEVTYPE=usb_device", "BUSNUM=001",
+                       format("DEVNUM=%03u", device), "PRODUCT=10c4/EA80/100"}) +
+         attributes({"idVendor=10c4", "idProduct=EA80", "bcdDevice=0100", "manufacturer=" + maker,
+                     "product=" + product, "serial=" + options.serial, "busnum=1",
+                     format("devnum=%u", device)}) +
+         lines("\nP: ", {at[1]}) +
+         lines("E: ",
+               {"SUBSYSTEM=usb", "DRIVER=usbhid", "DEVTYPE=usb_interface", "INTERFACE=3/0/0"}) +
+         attributes({"bInterfaceNumber=00", "bInterfaceClass=03"}) + lines("\nP: ", {at[2]}) +
+         lines("E: ", {"SUBSYSTEM=hid", "DRIVER=hid-generic", "HID_ID=0003:000010C4:0000EA80",
+                       "HID_NAME=" + maker + " " + product, "HID_PHYS=usb-0000:00:14.0-1/input0",
+                       "HID_UNIQ=" + options.serial}) +
+         "H: report_descriptor=" + descriptor_hex + "\n" + lines("\nP: ", {at[3]}) +
+         lines("E: ", {"SUBSYSTEM=hidraw", "DEVNAME=" + node_of(options.number), "MAJOR=240",
+                       format("MINOR=%u", options.number)}) +
+         "L: device=../../../" + at[2].substr(at[2].rfind('/') + 1) + "\n";
 }
 
 }  // namespace

@@ -16,7 +16,7 @@ constexpr auto hello_pause = std::chrono::milliseconds(900);
 constexpr char hello[] =
     R"({"model":"simulated USB time tagger","serial":"SIM-USB-1","firmware":"1.0"})";
 
-class Tagger final : public TdcUsb {
+class Tagger final : public Device {
  public:
   Tagger(port::SystemLoop& loop, ScenePlayer& player, UsbBed& bed, const TdcOptions& options)
       : fifo_bytes_(options.send_queue_bytes),
@@ -24,21 +24,11 @@ class Tagger final : public TdcUsb {
         loop_(loop),
         timer_(loop),
         usb_(bed,
-             {.vendor = vendor,
-              .product = product,
-              .release_bcd = 0x0102,
-              .manufacturer = "echofuse",
-              .name = "simulated USB time tagger",
-              .serial = "SIM-USB-1",
-              .interface_subclass = 0x45,
-              .interface_protocol = 0x01},
+             {0x1209, 1, 0x0102, "echofuse", "simulated USB time tagger", "SIM-USB-1", 0x45, 1},
              [this](const UsbDevice::Setup& setup) { return control(setup); }) {
     usb_.plug();
     wait();
   }
-
-  std::string address() const override { return "usb:1209:0001:SIM-USB-1"; }
-  UsbDevice& usb() override { return usb_; }
 
   void stop() override {
     timer_.cancel();
@@ -112,7 +102,7 @@ class Tagger final : public TdcUsb {
 
 }  // namespace
 
-std::unique_ptr<TdcUsb> make_tdc_usb(port::SystemLoop& loop, ScenePlayer& player, UsbBed& bed,
+std::unique_ptr<Device> make_tdc_usb(port::SystemLoop& loop, ScenePlayer& player, UsbBed& bed,
                                      const TdcOptions& options) {
   return std::make_unique<Tagger>(loop, player, bed, options);
 }

@@ -9,18 +9,13 @@
 
 namespace echofuse::sim {
 
+// The IDs are reserved by pid.codes for private tests.
+inline constexpr char tdc_usb_address[] = "usb:1209:0001:SIM-USB-1";
+
 // Simulated USB tagger that ends a transfer every 5 ms. Unread data wait in the tagger's FIFO. Tags
 // that do not fit into the FIFO are dropped, and their number is reported in the next block. Must
 // be used only on the loop's thread.
-class TdcUsb : public Device {
- public:
-  // The IDs are reserved by pid.codes for private tests.
-  static constexpr std::uint16_t vendor = 0x1209, product = 0x0001;
-
-  virtual std::string address() const = 0;  // address of the form "usb:1209:0001:SERIAL"
-  virtual UsbDevice& usb() = 0;  // emulated USB side, for example to unplug or halt the device
-};
-std::unique_ptr<TdcUsb> make_tdc_usb(port::SystemLoop& loop, ScenePlayer& player, UsbBed& bed,
+std::unique_ptr<Device> make_tdc_usb(port::SystemLoop& loop, ScenePlayer& player, UsbBed& bed,
                                      const TdcOptions& options);
 
 }  // namespace echofuse::sim

@@ -52,6 +52,12 @@ std::vector<std::pair<std::string, std::string>> UsbBed::environment() const {
   return {{"LD_PRELOAD", preload}, {"UMOCKDEV_DIR", root_}};
 }
 
+std::string lines(const char* start, const std::vector<std::string>& texts, const char* end) {
+  std::string all;
+  for (const std::string& text : texts) all += start + text + end;
+  return all;
+}
+
 // State used by the callbacks, which may run on umockdev's thread after the node has been
 // destroyed. Every signal handler and every client holds a reference to this state.
 struct BedNode::Callbacks {
@@ -60,23 +66,17 @@ struct BedNode::Callbacks {
   BedNode* owner = nullptr;  // null after detach()
 
   static gboolean ioctl(UMockdevIoctlBase*, UMockdevIoctlClient* client, Share* self) {
-    const std::lock_guard lock((*self)->mutex);
-    BedNode* node = (*self)->owner;
-    const auto request = umockdev_ioctl_client_get_request(client);
-    auto* argument = umockdev_ioctl_client_get_arg(client);
-    return answer(client, node ? node->on_ioctl(client, request, argument) : fail(ENODEV));
+    return answer(client, self, [&](BedNode& node, UMockdevIoctlData* argument) {
+      return node.on_ioctl(client, umockdev_ioctl_client_get_request(client), argument);
+    });
   }
   static gboolean read(UMockdevIoctlBase*, UMockdevIoctlClient* client, Share* self) {
-    const std::lock_guard lock((*self)->mutex);
-    BedNode* node = (*self)->owner;
-    return answer(client, node ? node->on_read() : fail(ENODEV));
+    return answer(client, self, [](BedNode& node, auto*) { return node.on_read(); });
   }
   static gboolean write(UMockdevIoctlBase*, UMockdevIoctlClient* client, Share* self) {
-    const std::lock_guard lock((*self)->mutex);
-    BedNode* node = (*self)->owner;
-    const auto* data = umockdev_ioctl_client_get_arg(client);
-    const ByteView bytes{data->data, static_cast<std::size_t>(data->data_len)};
-    return answer(client, node ? node->on_write(bytes) : fail(ENODEV));
+    return answer(client, self, [](BedNode& node, UMockdevIoctlData* bytes) {
+      return node.on_write({bytes->data, static_cast<std::size_t>(bytes->data_len)});
+    });
   }
   static void connected(UMockdevIoctlBase*, UMockdevIoctlClient* client, Share* self) {
     g_object_weak_ref(G_OBJECT(client), gone, new Share(*self));
@@ -93,7 +93,12 @@ struct BedNode::Callbacks {
   static void release(gpointer data, GClosure*) { delete static_cast<Share*>(data); }
 
  private:
-  static gboolean answer(UMockdevIoctlClient* client, const std::optional<Answer>& a) {
+  template <class Ask>
+  static gboolean answer(UMockdevIoctlClient* client, const Share* self, Ask ask) {
+    const std::lock_guard lock((*self)->mutex);
+    BedNode* node = (*self)->owner;
+    std::optional<Answer> a = fail(ENODEV);
+    if (node) a = ask(*node, umockdev_ioctl_client_get_arg(client));
     if (a) umockdev_ioctl_client_complete(client, a->result, a->error);
     return a.has_value();
   }

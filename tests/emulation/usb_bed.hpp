@@ -41,6 +41,12 @@ class UsbBed {
   std::string root_;
 };
 
+// Return lines of a umockdev device description.
+std::string lines(const char* start, const std::vector<std::string>& texts, const char* end = "\n");
+inline std::string attributes(const std::vector<std::string>& texts) {
+  return lines("A: ", texts, "\\n\n");
+}
+
 // Node in /dev. A simulated device answers the system calls made on this node. A FIFO behind the
 // node makes poll() work. The owner must create, plug and unplug the node on a single thread. The
 // on_ functions are called on umockdev's thread.

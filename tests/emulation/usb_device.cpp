@@ -9,67 +9,46 @@
 
 #include <algorithm>
 #include <cstring>
-#include <iomanip>
-#include <sstream>
+
+#include "drivers/util/format.hpp"
 
 namespace echofuse::sim {
 namespace {
 
-std::string hex(std::uint64_t value, int digits) {
-  std::ostringstream out;
-  out << std::hex << std::setfill('0') << std::setw(digits) << value;
-  return out.str();
-}
+// Returns the bytes of a little-endian number in hexadecimal.
+std::string hex16le(unsigned value) { return format("%02x%02x", value & 0xffu, value >> 8); }
 
-std::string hex16le(std::uint16_t value) { return hex(value & 0xffu, 2) + hex(value >> 8, 2); }
-
-std::string node_of(const UsbIdentity& id) {
-  std::ostringstream out;
-  out << "/dev/bus/usb/001/" << std::setfill('0') << std::setw(3) << id.number;
-  return out.str();
-}
+std::string node_of(const UsbIdentity& id) { return format("/dev/bus/usb/001/%03u", id.number); }
 std::string folder_of(const UsbIdentity& id) {
-  return "/devices/pci0000:00/0000:00:14.0/usb1/1-" + std::to_string(id.number);
+  return format("/devices/pci0000:00/0000:00:14.0/usb1/1-%u", id.number);
 }
 std::string interface_of(const UsbIdentity& id) {
-  return folder_of(id) + "/1-" + std::to_string(id.number) + ":1.0";
-}
-
-// Returns the device, configuration, interface and endpoint descriptors as defined in chapter 9.6
-// of the USB 2.0 specification.
-std::string descriptors(const UsbIdentity& id) {
-  return "12010002000000" + std::string("40") + hex16le(id.vendor) + hex16le(id.product) +
-         hex16le(id.release_bcd) + "01020301" + "09021900010100" + "8032" + "090400000" + "1ff" +
-         hex(id.interface_subclass, 2) + hex(id.interface_protocol, 2) + "00" + "0705" +
-         hex(UsbDevice::bulk_in, 2) + "02" + hex16le(UsbDevice::packet_bytes) + "00";
+  return folder_of(id) + format("/1-%u:1.0", id.number);
 }
 
 std::string describe(const UsbIdentity& id) {
-  std::ostringstream out;
-  const auto attribute = [&](const char* name, const std::string& value) {
-    out << "A: " << name << '=' << value << "\\n\n";
-  };
-  const std::string node = node_of(id);
-  out << "P: " << folder_of(id) << "\nE: SUBSYSTEM=usb\nE: DRIVER=usb\nE: DEVTYPE=usb_device\n"
-      << "E: BUSNUM=001\nE: DEVNUM=" << node.substr(node.size() - 3)
-      << "\nE: MAJOR=189\nE: MINOR=" << id.number - 1 << "\nE: DEVNAME=" << node << '\n';
-  attribute("busnum", "1");
-  attribute("devnum", std::to_string(id.number));
-  attribute("speed", "480");
-  attribute("bConfigurationValue", "1");
-  attribute("idVendor", hex(id.vendor, 4));
-  attribute("idProduct", hex(id.product, 4));
-  attribute("bcdDevice", hex(id.release_bcd, 4));
-  attribute("manufacturer", id.manufacturer);
-  attribute("product", id.name);
-  attribute("serial", id.serial);
-  out << "H: descriptors=" << descriptors(id) << "\n\n"
-      << "P: " << interface_of(id) << "\nE: SUBSYSTEM=usb\nE: DEVTYPE=usb_interface\n";
-  attribute("bInterfaceNumber", "00");
-  attribute("bInterfaceClass", "ff");
-  attribute("bInterfaceSubClass", hex(id.interface_subclass, 2));
-  attribute("bInterfaceProtocol", hex(id.interface_protocol, 2));
-  return out.str();
+  const std::string subclass = format("%02x", unsigned{id.interface_subclass}),
+                    protocol = format("%02x", unsigned{id.interface_protocol});
+  // Device, configuration, interface and endpoint descriptors as defined in chapter 9.6 of the USB
+  // 2.0 specification.
+  const std::string descriptors =
+      "1201000200000040" + hex16le(id.vendor) + hex16le(id.product) + hex16le(id.release_bcd) +
+      "01020301" + "090219000101008032" + "0904000001ff" + subclass + protocol + "00" + "0705" +
+      format("%02x", unsigned{UsbDevice::bulk_in}) + "02" + hex16le(UsbDevice::packet_bytes) + "00";
+  return lines("P: ", {folder_of(id)}) +
+         lines("E: ", {"SUBSYSTEM=usb", "DRIVER=usb", "DEVTYPE=usb_device", "BUSNUM=001",
+                       format("DEVNUM=%03u", id.number), "MAJOR=189",
+                       format("MINOR=%u", id.number - 1), "DEVNAME=" + node_of(id)}) +
+         attributes({"busnum=1", format("devnum=%u", id.number), "speed=480",
+                     "bConfigurationValue=1", format("idVendor=%04x", unsigned{id.vendor}),
+                     format("idProduct=%04x", unsigned{id.product}),
+                     format("bcdDevice=%04x", unsigned{id.release_bcd}),
+                     "manufacturer=" + id.manufacturer, "product=" + id.name,
+                     "serial=" + id.serial}) +
+         "H: descriptors=" + descriptors + "\n\n" + lines("P: ", {interface_of(id)}) +
+         lines("E: ", {"SUBSYSTEM=usb", "DEVTYPE=usb_interface"}) +
+         attributes({"bInterfaceNumber=00", "bInterfaceClass=ff", "bInterfaceSubClass=" + subclass,
+                     "bInterfaceProtocol=" + protocol});
 }
 
 usbdevfs_urb& urb_of(UMockdevIoctlData* data) {
@@ -86,16 +65,10 @@ UsbDevice::UsbDevice(UsbBed& bed, const UsbIdentity& identity, Control control)
 
 UsbDevice::~UsbDevice() { detach(); }
 
-void UsbDevice::send(ByteView run) {
-  const std::lock_guard lock(mutex_);
-  data_.insert(data_.end(), run.begin(), run.end());
-  ends_.push_back(data_.size());
-  fill();
-}
-
-void UsbDevice::send_more(ByteView bytes) {
+void UsbDevice::send(ByteView bytes, bool ends) {
   const std::lock_guard lock(mutex_);
   data_.insert(data_.end(), bytes.begin(), bytes.end());
+  if (ends) ends_.push_back(data_.size());
   fill();
 }
 
@@ -116,16 +89,6 @@ void UsbDevice::halt() {
   finish_all(-EPIPE);
 }
 
-std::uint64_t UsbDevice::fetched() const {
-  const std::lock_guard lock(mutex_);
-  return fetched_;
-}
-
-bool UsbDevice::claimed() const {
-  const std::lock_guard lock(mutex_);
-  return owner_ != nullptr;
-}
-
 // Reduces the pipe to one page. While the pipe contains a byte, poll() reports to the client that
 // the node is not writable. In usbfs, this state means that no URB is ready.
 void UsbDevice::on_plug(int fifo) {
@@ -141,17 +104,9 @@ void UsbDevice::on_unplug() {
   const std::lock_guard lock(mutex_);
   gone_ = true;
   // The waiting transfer ends with the data that have been sent of the unfinished run of packets.
-  if (!pending_.empty() && !data_.empty()) {
-    Transfer transfer = std::move(pending_.front());
-    pending_.pop_front();
-    const usbdevfs_urb& urb = urb_of(transfer.urb.get());
-    const std::size_t bytes = std::min(static_cast<std::size_t>(urb.buffer_length), data_.size());
-    std::copy_n(data_.begin(), bytes, static_cast<std::uint8_t*>(urb.buffer));
-    fetched_ += bytes;
-    finish(std::move(transfer), -ENODEV, bytes);
-  }
-  data_.clear();
-  ends_.clear();
+  if (!pending_.empty() && !data_.empty())
+    finish_first(-ENODEV, std::min(room_of_first(), data_.size()));
+  clear();
   finish_all(-ENODEV);
   set_reapable(true);
 }
@@ -282,13 +237,7 @@ void UsbDevice::control(Transfer transfer) {
   const usbdevfs_urb& urb = urb_of(transfer.urb.get());
   auto* buffer = static_cast<std::uint8_t*>(urb.buffer);
   if (urb.buffer_length < 8) return finish(std::move(transfer), -EPIPE, 0);
-  ByteReader reader(ByteView(buffer, 8));
-  Setup setup{};
-  setup.type = reader.get<std::uint8_t>();
-  setup.request = reader.get<std::uint8_t>();
-  setup.value = reader.get<std::uint16_t>();
-  setup.index = reader.get<std::uint16_t>();
-  setup.length = reader.get<std::uint16_t>();
+  const auto setup = ByteReader(ByteView(buffer, 8)).get<Setup>();
   const bool vendor = (setup.type & 0x60) == 0x40;
   const auto answer = vendor ? control_(setup) : string_descriptor(setup);
   if (!answer) return finish(std::move(transfer), -EPIPE, 0);
@@ -305,14 +254,12 @@ std::optional<Bytes> UsbDevice::string_descriptor(const Setup& setup) const {
   if (setup.type != 0x80 || setup.request != 6 || setup.value >> 8 != 3) return std::nullopt;
   const unsigned index = setup.value & 0xffu;
   if (index == 0) return Bytes{4, 3, 9, 4};  // the only language is US English
-  const std::string* const texts[] = {&identity_.manufacturer, &identity_.name, &identity_.serial};
   if (index > 3) return std::nullopt;
-  const std::string& text = *texts[index - 1];
+  const std::string& text = index == 1   ? identity_.manufacturer
+                            : index == 2 ? identity_.name
+                                         : identity_.serial;
   Bytes answer{static_cast<std::uint8_t>(2 + 2 * text.size()), 3};
-  for (const char c : text) {
-    answer.push_back(static_cast<std::uint8_t>(c));
-    answer.push_back(0);
-  }
+  for (const char c : text) put(answer, std::uint16_t{static_cast<std::uint8_t>(c)});
   return answer;
 }
 
@@ -320,22 +267,31 @@ std::optional<Bytes> UsbDevice::string_descriptor(const Setup& setup) const {
 // end of a run of packets. Until then, the data remain waiting.
 void UsbDevice::fill() {
   while (!pending_.empty() && !halted_ && (!data_.empty() || !ends_.empty())) {
-    const usbdevfs_urb& urb = urb_of(pending_.front().urb.get());
-    const auto room = static_cast<std::size_t>(urb.buffer_length);
+    const std::size_t room = room_of_first();
     const bool ends = !ends_.empty() && ends_.front() < room;
     const std::size_t bytes = ends ? ends_.front() : std::min(room, data_.size());
     // The transfer continues to wait if the data neither fill it nor reach the end of a run of
     // packets.
     if (!ends && bytes < room) return;
-    std::copy_n(data_.begin(), bytes, static_cast<std::uint8_t*>(urb.buffer));
-    data_.erase(data_.begin(), data_.begin() + static_cast<std::ptrdiff_t>(bytes));
     if (ends) ends_.pop_front();
     for (std::size_t& end : ends_) end -= bytes;
-    fetched_ += bytes;
-    Transfer transfer = std::move(pending_.front());
-    pending_.pop_front();
-    finish(std::move(transfer), 0, bytes);
+    finish_first(0, bytes);
   }
+}
+
+std::size_t UsbDevice::room_of_first() const {
+  return static_cast<std::size_t>(urb_of(pending_.front().urb.get()).buffer_length);
+}
+
+// Ends the oldest waiting transfer with the next bytes.
+void UsbDevice::finish_first(int status, std::size_t bytes) {
+  Transfer transfer = std::move(pending_.front());
+  pending_.pop_front();
+  const auto end = data_.begin() + static_cast<std::ptrdiff_t>(bytes);
+  std::copy(data_.begin(), end, static_cast<std::uint8_t*>(urb_of(transfer.urb.get()).buffer));
+  data_.erase(data_.begin(), end);
+  fetched_ += bytes;
+  finish(std::move(transfer), status, bytes);
 }
 
 void UsbDevice::finish(Transfer transfer, int status, std::size_t bytes) {

@@ -39,16 +39,17 @@ class UsbDevice final : public BedNode {
   UsbDevice(UsbBed& bed, const UsbIdentity& identity, Control control);
   ~UsbDevice() override;
 
-  // Sends a complete run of packets. The run ends with a short or empty packet.
-  void send(ByteView run);
-  // Sends part of a run of packets. A partial packet waits for the bytes of the next call.
-  void send_more(ByteView bytes);
-  std::size_t waiting() const;  // number of bytes sent that the host has not read yet
-  void clear();                 // drops the bytes that the host has not read yet
+  // Sends a run of packets, which ends with a short or empty packet. If `ends` is false, the run
+  // continues, and a partial packet waits for the bytes of the next call.
+  void send(ByteView bytes, bool ends = true);
+  // number of bytes sent that the host has not read yet
+  std::size_t waiting() const;
+  void clear();  // drops the bytes that the host has not read yet
   // Stalls the endpoint until the host clears the halt condition.
   void halt();
-  std::uint64_t fetched() const;  // number of bytes in completed transfers
-  bool claimed() const;
+  // number of bytes in completed transfers
+  std::uint64_t fetched() const { return locked(fetched_); }
+  bool claimed() const { return locked(owner_) != nullptr; }
 
  private:
   struct Transfer {
@@ -69,9 +70,16 @@ class UsbDevice final : public BedNode {
   void control(Transfer transfer);
   std::optional<Bytes> string_descriptor(const Setup& setup) const;
   void fill();
+  std::size_t room_of_first() const;
+  void finish_first(int status, std::size_t bytes);
   void finish(Transfer transfer, int status, std::size_t bytes);
   void finish_all(int status);
   void set_reapable(bool reapable);
+  template <class T>
+  T locked(const T& value) const {
+    const std::lock_guard lock(mutex_);
+    return value;
+  }
 
   UsbIdentity identity_;
   Control control_;

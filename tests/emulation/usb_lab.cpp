@@ -22,18 +22,13 @@ ExitCode run(int argc, char** argv) {
   app.add_option("--hold", options.schedule.hold_s);
   app.add_option("--window", options.window_s);
   app.add_option("command", command)->required();
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& e) {
-    return app.exit(e) == 0 ? ExitCode::ok : ExitCode::usage;
-  }
+  app.parse(argc, argv);
   // Adds noise, because no two frames of a real camera are equal.
   options.conditions.depth_noise_m = 0.0005;
   sim::UsbBed bed;
   options.make_tagger = [&](auto& loop, auto& player, const auto& expected) {
-    auto tagger = sim::make_tdc_usb(loop, player, bed, expected);
-    std::string address = tagger->address();
-    return sim::LabTagger{std::move(tagger), std::move(address), bed.environment()};
+    return sim::LabTagger{sim::make_tdc_usb(loop, player, bed, expected), sim::tdc_usb_address,
+                          bed.environment()};
   };
   port::SystemLoop loop;
   sim::Lab lab(loop, options);

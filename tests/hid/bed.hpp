@@ -4,6 +4,9 @@
 
 namespace echofuse::test {
 
-sim::UsbBed& bed();
+inline sim::UsbBed& bed() {
+  static sim::UsbBed bed;
+  return bed;
+}
 
 }  // namespace echofuse::test

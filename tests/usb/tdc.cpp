@@ -5,7 +5,7 @@
 #include "../drivers/sink.hpp"
 #include "drivers/inventory/inventory.hpp"
 #include "drivers/make_driver.hpp"
-#include "tests/emulation/tdc_usb.hpp"
+#include "tests/emulation/usb_device.hpp"
 
 using namespace echofuse::test;
 using namespace std::chrono_literals;
@@ -16,18 +16,13 @@ constexpr char address[] = "usb:1209:0001:T1";
 
 // Simulates a USB tagger that sends the blocks given by the test.
 struct Bench {
-  Bench()
-      : device(bed,
-               {.vendor = 0x1209,
-                .product = 1,
-                .release_bcd = 0x0203,
-                .manufacturer = "Maker",
-                .name = "Tagger",
-                .serial = "T1",
-                .interface_subclass = subclass,
-                .interface_protocol = 1},
-               [this](const sim::UsbDevice::Setup& setup) { return control(setup); }) {
+  explicit Bench(std::uint8_t subclass = 0x45)
+      : device(bed, identity("T1", subclass),
+               [this](const auto& setup) { return control(setup); }) {
     device.plug();
+  }
+  static sim::UsbIdentity identity(const std::string& serial, std::uint8_t subclass = 0x45) {
+    return {0x1209, 1, 0x0203, "Maker", "Tagger", serial, subclass, 1};
   }
 
   std::optional<Bytes> control(const sim::UsbDevice::Setup& setup) {
@@ -46,15 +41,15 @@ struct Bench {
   void greet() {
     REQUIRE(run_until(loop, [&] { return starts > greeted; }));
     greeted = starts;
-    sequence = 0;
-    device.send(hello_block(sequence++));
+    sequence = 1;
+    device.send(hello_block());
     REQUIRE(run_until(loop, [&] { return sink.state() == DeviceState::streaming; }));
   }
   // Returns a block of `count` tags. Each tag has a time 1 ps later than the previous tag.
   Bytes tags(std::size_t count) {
-    Bytes payload;
-    for (std::size_t i = 0; i < count; ++i) put(payload, Tag{.channel = 2, .time_ps = ++sent});
-    return test::make_block(bridge::BlockKind::tags, sequence++, payload);
+    std::vector<Tag> all(count, {.channel = 2});
+    for (Tag& tag : all) tag.time_ps = ++sent;
+    return bridge::make_block(bridge::BlockKind::tags, sequence++, 0, as_bytes(all));
   }
   bool arrived(std::size_t count) {
     return run_until(loop, [&] { return sink.tags.size() >= count; });
@@ -77,7 +72,6 @@ struct Bench {
   }
   std::uint64_t count(const char* name) const { return counter(*driver, name); }
 
-  static inline std::uint8_t subclass = 0x45;
   sim::UsbBed bed;
   std::atomic<int> starts{0}, stops{0};
   sim::UsbDevice device;
@@ -89,31 +83,15 @@ struct Bench {
   std::unique_ptr<Driver> driver;
 };
 
-// Simulated tagger of the laboratory, with a FIFO of `fifo_bytes`.
-struct Simulated {
-  explicit Simulated(std::size_t fifo_bytes = sim::TdcOptions{}.send_queue_bytes) {
-    options.window_s = 0.5;
-    options.send_queue_bytes = fifo_bytes;
-    tagger = sim::make_tdc_usb(loop, player, bed, options);
-    driver = make_tdc(loop, {tagger->address()});
-    driver->start(sink);
-  }
-  std::uint64_t sent(std::size_t what) const { return tagger->sent().at(what).second; }
-
-  sim::UsbBed bed;
-  port::SystemLoop loop;
-  sim::Conditions conditions;
-  sim::ScenePlayer player{loop, conditions, {}};
-  sim::TdcOptions options;
-  std::unique_ptr<sim::TdcUsb> tagger;
-  KeepingSink sink;
-  std::unique_ptr<Driver> driver;
-};
-
 }  // namespace
 
-TEST_CASE("a USB tagger is found, started, read and stopped") {
+TEST_CASE("a USB tagger is found by its interface, started, read and stopped") {
   Bench b;
+  const auto list = inventory::list_attached();
+  REQUIRE(list.size() == 1);
+  CHECK(list[0].kind == "USB time tagger");
+  CHECK(list[0].nodes.at(0).key + " = " + list[0].nodes[0].address ==
+        std::string("tdc.address = ") + address);
   b.connect();
   CHECK(b.sink.info.model == "test");
   CHECK(b.sink.info.address == address);
@@ -126,33 +104,6 @@ TEST_CASE("a USB tagger is found, started, read and stopped") {
   CHECK(run_until(b.loop, [&] { return b.stops == 1 && !b.device.claimed(); }));
 }
 
-TEST_CASE("the device list finds a USB tagger by its interface") {
-  Bench b;
-  const auto list = inventory::list_attached();
-  REQUIRE(list.size() == 1);
-  CHECK(list[0].kind == "USB time tagger");
-  CHECK(list[0].nodes.at(0).key == "tdc.address");
-  CHECK(list[0].nodes.at(0).address == address);
-}
-
-TEST_CASE("all tags of a simulated USB tagger are received") {
-  Simulated s;
-  REQUIRE(run_until(s.loop, [&] { return s.sent(0) > 500'000; }));
-  s.tagger->stop();
-  CHECK(run_until(s.loop, [&] { return s.sink.tags.size() == s.sent(0); }));
-  CHECK(s.sink.info.serial == "SIM-USB-1");
-  CHECK(counter(*s.driver, "junk_bytes") == 0);
-  CHECK(std::is_sorted(s.sink.tags.begin(), s.sink.tags.end(),
-                       [](const Tag& a, const Tag& b) { return a.time_ps < b.time_ps; }));
-}
-
-TEST_CASE("a USB tagger with a full FIFO reports its lost tags") {
-  Simulated s(22'000);  // The FIFO of 22 kB holds about the data of one transfer.
-  CHECK(run_until(s.loop, [&] { return s.sent(1) > 0 && counter(*s.driver, "lost_items") > 0; }));
-  CHECK(counter(*s.driver, "lost_items") <= s.sent(1));
-  CHECK(s.sink.state() == DeviceState::streaming);
-}
-
 TEST_CASE("no tags are lost if USB transfers split blocks or if packets are short or empty") {
   Bench b;
   b.connect();
@@ -161,7 +112,7 @@ TEST_CASE("no tags are lost if USB transfers split blocks or if packets are shor
   // transfers.
   const ByteView wire = all;
   for (std::size_t at = 0; at < wire.size(); at += 37'000)
-    b.device.send_more(wire.subspan(at, std::min<std::size_t>(37'000, wire.size() - at)));
+    b.device.send(wire.subspan(at, std::min<std::size_t>(37'000, wire.size() - at)), false);
   b.device.send({});
   REQUIRE(b.arrived(100'000));
   for (std::size_t n : {1u, 30u, 31u, 33u}) {
@@ -179,19 +130,18 @@ TEST_CASE("a lost byte or a halted endpoint is reported once, and the USB connec
   b.connect();
   b.device.send(b.tags(5));
   REQUIRE(b.arrived(5));
-  std::string expected;
-  SECTION("a lost byte in a USB block is reported once") {
+  const bool halted = GENERATE(false, true);
+  if (halted) {
+    b.device.halt();
+  } else {
     Bytes run = b.tags(5);
     run.erase(run.begin() + 40);
     b.device.send(join({run, b.tags(5)}));
-    expected = "the block has a wrong checksum";
-  }
-  SECTION("a halted USB endpoint is reported once") {
-    b.device.halt();
-    expected = std::string(address) + ": endpoint halted: Broken pipe";
   }
   REQUIRE(b.faulted());
-  CHECK(b.sink.events == std::vector<std::string>{expected});
+  CHECK(b.sink.events ==
+        std::vector<std::string>{halted ? std::string(address) + ": endpoint halted: Broken pipe"
+                                        : "the block has a wrong checksum"});
   b.greet();
   const std::int64_t before = b.sent;
   b.device.send(b.tags(5));
@@ -208,7 +158,7 @@ TEST_CASE("a USB tagger is reopened after an unplug during a transfer") {
   for (std::size_t i = 1; i <= cycles; ++i) {
     Bytes cut = join({b.tags(1000), b.tags(1000)});
     cut.resize(cut.size() - 5);
-    b.device.send_more(cut);  // the last bytes wait in an incomplete transfer
+    b.device.send(cut, false);  // the last bytes wait in an incomplete transfer
     b.device.unplug();
     REQUIRE(b.faulted());
     CHECK(b.sink.tags.size() == i * 1000 + (i - 1) * 4);
@@ -241,61 +191,38 @@ TEST_CASE("data that a slow consumer does not read stay in the USB tagger") {
 }
 
 TEST_CASE("a USB tagger that cannot be opened is reported in one line") {
-  const auto refusal = [](Bench& b, const char* at) {
-    b.driver = make_tdc(b.loop, {at});
-    b.driver->start(b.sink);
-    REQUIRE(b.faulted());
-    b.driver->stop();
-    REQUIRE(b.sink.events.size() == 1);
-    return b.sink.events[0];
+  // Starts a driver. Returns its only event.
+  const auto refusal = [](Bench& b, const std::string& at) {
+    KeepingSink sink;
+    const auto refused = make_tdc(b.loop, {at});
+    refused->start(sink);
+    REQUIRE(run_until(b.loop, [&] { return sink.state() == DeviceState::faulted; }));
+    REQUIRE(sink.events.size() == 1);
+    return sink.events[0];
   };
-  SECTION("a USB tagger with another serial number is reported") {
-    Bench b;
-    CHECK(refusal(b, "usb:1209:0001:T2") ==
-          "usb:1209:0001:T2: cannot open; only T1 is attached: No such device");
+  {
+    Bench other(0);
+    CHECK_THAT(refusal(other, address), Catch::Contains("the device has no interface for blocks"));
   }
-  SECTION("a missing USB tagger is reported") {
-    Bench b;
-    b.device.unplug();
-    CHECK(refusal(b, address) == std::string(address) + ": cannot open: No such device");
-  }
-  SECTION("two USB taggers without a configured serial number are reported") {
-    Bench b;
-    sim::UsbDevice other(b.bed,
-                         {.vendor = 0x1209,
-                          .product = 1,
-                          .manufacturer = "Maker",
-                          .name = "Tagger",
-                          .serial = "T0",
-                          .interface_subclass = 0x45,
-                          .interface_protocol = 1,
-                          .number = 4},
-                         [&](const sim::UsbDevice::Setup& setup) { return b.control(setup); });
+  Bench b;
+  CHECK(refusal(b, "usb:1209:0001:T2") ==
+        "usb:1209:0001:T2: cannot open; only T1 is attached: No such device");
+  b.device.unplug();
+  CHECK(refusal(b, address) == std::string(address) + ": cannot open: No such device");
+  b.device.plug();
+  {
+    auto identity = Bench::identity("T0");
+    identity.number = 4;
+    sim::UsbDevice other(b.bed, identity, [&](const auto& setup) { return b.control(setup); });
     other.plug();
     CHECK_THAT(refusal(b, "usb:1209:0001"),
                Catch::Contains("the address matches several devices (") && Catch::Contains("T0") &&
                    Catch::Contains("T1"));
     CHECK(b.starts == 0);
-    b.sink = {};
-    b.connect();
-    b.driver.reset();
+    other.unplug();
   }
-  SECTION("a USB device of another type is reported") {
-    Bench::subclass = 0;
-    Bench b;
-    Bench::subclass = 0x45;
-    CHECK_THAT(refusal(b, address), Catch::Contains("the device has no interface for blocks"));
-  }
-  SECTION("a USB tagger in use by another program is reported") {
-    Bench b;
-    b.connect();
-    auto second = make_tdc(b.loop, {address});
-    KeepingSink sink;
-    second->start(sink);
-    REQUIRE(run_until(b.loop, [&] { return sink.state() == DeviceState::faulted; }));
-    CHECK_THAT(sink.events.at(0), Catch::Contains("in use by another program"));
-    second->stop();
-    b.device.send(b.tags(1));
-    CHECK(b.arrived(1));
-  }
+  b.connect();
+  CHECK_THAT(refusal(b, address), Catch::Contains("in use by another program"));
+  b.device.send(b.tags(1));
+  CHECK(b.arrived(1));
 }
