@@ -176,7 +176,9 @@ TEST_CASE("impossible histogram and range profile blocks are refused") {
   };
   check(read_histogram(counts.first(counts.size() - 1)), size);
   check(read_histogram(counts.first(43)), size);
+  check(read_histogram(with(counts.first(44), 4, 0u)), size);
   histogram(4, 6u, size);
+  histogram(0, std::uint64_t{1} << 32 | 5, "");  // 5 zones of 1 bin each
   histogram(0, 0u, "0 zones; expected 1 to 64");
   histogram(0, 65u, "65 zones; expected 1 to 64");
   histogram(0, 64u, size);

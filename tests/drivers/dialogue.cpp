@@ -95,6 +95,8 @@ TEST_CASE("garbage and prompts that the radar sends before the first command are
   CHECK(s.wait(40ms).empty());
   CHECK(s.wait(40ms) == "version\n");
   CHECK(s.d.platform() + ", " + s.d.firmware() == "xWR68xx, MMW Demo 03.05.00.04");
+  s.wait(2s);
+  CHECK(s.d.failure() == "version: no answer; the firmware has stopped: reset the board");
 }
 
 TEST_CASE("the first cfg command is repeated once if garbage precedes it") {
@@ -183,7 +185,7 @@ TEST_CASE("endless radar output before the first command does not block the cfg 
   Session s;
   s.receive(prompt);
   for (int i = 0; i < 19; ++i) {
-    s.receive("compRangeBiasAndRxChanPhase 0.01 1 0\n\r");
+    s.receive("compRangeBiasAndRxChanPhase 0.01 1 0\n\r" + prompt);
     CHECK(s.wait(50ms).empty());
   }
   s.receive("compRangeBiasAndRxChanPhase 0.01 1 0\n\r");
