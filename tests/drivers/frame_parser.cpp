@@ -348,6 +348,7 @@ TEST_CASE("frames lost at the end of a connection are counted with the next fram
     parser.finish(add);
   }
   CHECK(parser.counts().truncated_frames == 1);
+  CHECK(parser.counts().resyncs == 0);
   CHECK(lost == Numbers{0, 0, 0, 491 + 2, 0});
   CHECK(parser.counts().lost_frames == 491 + 2);
 }
