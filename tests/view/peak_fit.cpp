@@ -79,24 +79,19 @@ TEST_CASE("the dark count rate is estimated from the clicks before the first ret
   r.slot_end = std::chrono::seconds(2);
   const std::vector<Axis> axes{
       {.name = "spd", .quantity = "counts", .unit = "ps", .count = bins, .start = 0, .step = 100}};
-  double all = 0;
-  for (const double n : counts_of({{4, 0.06, 20'000}}, 25, 3)) {
-    counts(r).push_back(static_cast<std::uint32_t>(n));
-    all += n;
-  }
-  r.spd_counts.starts = 1'000'000;
-  r.spd_counts.in_range = static_cast<std::uint64_t>(all);
+  const auto clicks = counts_of({{4, 0.06, 20'000}}, 25, 3);
+  counts(r).assign(clicks.begin(), clicks.end());
+  const double all = std::accumulate(clicks.begin(), clicks.end(), 0.0);
+  r.spd_counts = {.starts = 1'000'000, .in_range = static_cast<std::uint64_t>(all)};
   Tally tally;
   tally.add(r, axes);
-  const auto numbers = tally.numbers(axes);
-  CHECK(numbers["rates"]["sync_hz"] == 500'000);
-  CHECK(numbers["rates"]["pulse_hz"] == 500'000);
+  const auto rates = tally.numbers(axes)["rates"];
+  CHECK((rates["sync_hz"] == 500'000 && rates["pulse_hz"] == 500'000));
   // If a filter removes sync tags, the laser rate passed by the caller is used as the pulse rate.
   CHECK(tally.numbers(axes, 2e7)["rates"]["pulse_hz"] == 2e7);
-  CHECK(numbers["rates"]["click_hz"] == Approx(all / 2));
-  CHECK(numbers["rates"]["clicks_per_pulse"] == Approx(all / 1e6));
-  CHECK(numbers["rates"]["dark_hz"].get<double>() == Approx(25 / (1e6 * 100e-12)).epsilon(0.1));
-
+  CHECK(rates["click_hz"] == Approx(all / 2));
+  CHECK(rates["clicks_per_pulse"] == Approx(all / 1e6));
+  CHECK(rates["dark_hz"].get<double>() == Approx(25 / (1e6 * 100e-12)).epsilon(0.1));
   // If a filter passes only the sync tags of clicks, and the laser rate is unknown, so is the
   // number of clicks per pulse. It would otherwise seem to be 1 (pile-up).
   record::FusedRecord weak = r;
@@ -106,12 +101,10 @@ TEST_CASE("the dark count rate is estimated from the clicks before the first ret
   for (const char* unknown : {"pulse_hz", "dark_hz", "clicks_per_pulse"})
     CHECK(dim.numbers(axes)["rates"][unknown].is_null());
   dim.add(r, axes), dim.add(weak, axes, -1);
-  CHECK(dim.numbers(axes)["rates"]["clicks_per_pulse"] == numbers["rates"]["clicks_per_pulse"]);
-
+  CHECK(dim.numbers(axes)["rates"]["clicks_per_pulse"] == rates["clicks_per_pulse"]);
   // After a record is removed from the tally, the sum of the other records must remain.
   record::FusedRecord other = r;
   counts(other).assign(bins, 7);
-  tally.add(other, axes);
-  tally.add(r, axes, -1);
+  tally.add(other, axes), tally.add(r, axes, -1);
   CHECK(tally.clicks() == std::vector<double>(bins, 7));
 }

@@ -92,8 +92,7 @@ TEST_CASE("an exception in a request handler ends only the session of that reque
   CHECK(owner.waits_for([&] { return owner.marks == 1; }));
 }
 
-TEST_CASE(
-    "a viewer session queues eight mark requests if answers are not read, and ends at the ninth") {
+TEST_CASE("a session queues eight mark requests if answers are not read, and ends at the ninth") {
   Owner owner;
   // The greeting is larger than the socket buffers, so the answers to mark requests must wait.
   owner.greeting = std::make_shared<Bytes>(64 << 20);
