@@ -9,24 +9,6 @@ namespace {
 
 constexpr double baseline_m = 0.5;
 
-double bump(double off_m, double width_m) { return std::exp(-std::pow(off_m / width_m, 2)); }
-
-Alignment blank_alignment(const Axis& radar) {
-  const Layout layout{spd_axis(), radar};
-  return {layout, Matrix(1, layout.inputs()), {0}};
-}
-
-// Returns the inputs for a record of one object, given its SPD range and its radar range.
-std::vector<float> raw_inputs(double range_m, double radar_range_m, const Axis& radar,
-                              double radar_width_m) {
-  std::vector<float> out;
-  for (std::uint32_t i = 0; i < spd_axis().count; ++i)
-    out.push_back(static_cast<float>(1e4 * bump(spd_axis().at(i + 0.5) / ps_per_m - range_m, 0.2)));
-  for (std::uint32_t i = 0; i < radar.count; ++i)
-    out.push_back(static_cast<float>(bump(radar.at(i) - radar_range_m, radar_width_m)));
-  return out;
-}
-
 double radar_range_m(const Place& place, double range_m) {
   const double sine = std::sin(std::atan(double{place.tangent}));
   return std::sqrt(range_m * range_m + baseline_m * baseline_m + 2 * baseline_m * range_m * sine);
@@ -35,7 +17,7 @@ double radar_range_m(const Place& place, double range_m) {
 // Records of an object at a range of 3.5 m. The angle of the object varies across the field of
 // view.
 struct Bodies {
-  Alignment alignment = blank_alignment(radar_axis());
+  Alignment alignment = blank_alignment();
   Matrix inputs, radar, array;
   std::vector<Place> places;
   Rows rows;
@@ -54,7 +36,7 @@ struct Bodies {
     rows = all_rows(raw.rows);
   }
   static std::vector<float> of(const Place& place) {
-    return raw_inputs(range_m, radar_range_m(place, range_m), radar_axis(), 0.4);
+    return one_object(range_m, radar_range_m(place, range_m));
   }
 };
 
@@ -65,7 +47,7 @@ TEST_CASE("the bin width of an aligned radar profile is that of the radar, but a
     const Alignment alignment = blank_alignment(radar);
     CHECK(alignment.profile_points() == 1 + static_cast<std::size_t>(1.9 / step_m));
     std::vector<float> features(alignment.size());
-    align(raw_inputs(3.5, 3.61, radar, width_m), alignment, features);
+    align(one_object(3.5, 3.61, radar, width_m), alignment, features);
     REQUIRE(shows_body(features));
     const auto columns = alignment.columns(std::span<const float>(features));
     CHECK(columns.correlation.empty());

@@ -21,6 +21,10 @@
 #include "recon/train/train.hpp"
 #include "recon/trust/out_of_distribution.hpp"
 
+using Catch::Contains;
+using Catch::EndsWith;
+using Catch::StartsWith;
+
 namespace echofuse::test {
 
 // Calls `body`. Returns the message of the Error thrown by `body`, or "no error" if it does not
@@ -112,6 +116,25 @@ inline std::vector<recon::OutOfDistributionScore> outlier_scores(const recon::Da
   return detector.score(align(observe(of, all, raw), p.alignment), of, all);
 }
 
+// Returns an alignment that contains no background, because it was fitted to an empty record.
+inline recon::Alignment blank_alignment(const Axis& radar = radar_axis()) {
+  const recon::Layout layout{spd_axis(), radar};
+  return {layout, recon::Matrix(1, layout.inputs()), {0}};
+}
+
+inline double bump(double off_m, double width_m) { return std::exp(-std::pow(off_m / width_m, 2)); }
+
+// Returns the inputs for a record of one object, given its SPD range and its radar range.
+inline std::vector<float> one_object(double range_m, double radar_range_m,
+                                     const Axis& radar = radar_axis(), double radar_width_m = 0.4) {
+  std::vector<float> out;
+  for (std::uint32_t i = 0; i < spd_axis().count; ++i)
+    out.push_back(static_cast<float>(1e4 * bump(spd_axis().at(i + 0.5) / ps_per_m - range_m, 0.2)));
+  for (std::uint32_t i = 0; i < radar.count; ++i)
+    out.push_back(static_cast<float>(bump(radar.at(i) - radar_range_m, radar_width_m)));
+  return out;
+}
+
 // Adds the signals of a second body to a record: those of the record seven places further in
 // `from`.
 inline void add_body(recon::Dataset& to, std::size_t row, const recon::Dataset& from) {
@@ -132,10 +155,6 @@ inline std::vector<std::uint16_t> picture(const std::string& path, std::uint32_t
   return recon::decode_png16(Bytes(png.begin(), png.end()), size, size);
 }
 
-inline Outcome recon_program(const std::string& arguments) {
-  return shell(bin_dir + "/echofuse-recon " + arguments);
-}
-
 // Folder in which echofuse-recon runs, so that its arguments are the names of files in this folder.
 struct ReconFolder : Folder {
   Outcome run(const std::string& command) const {
@@ -150,6 +169,11 @@ struct ReconFolder : Folder {
     CAPTURE(arguments, o.text);
     REQUIRE(o.code == code);
     return o.text;
+  }
+  // Checks the exit code of a command, and that its output contains each of the texts.
+  void says(const std::string& arguments, const Words& texts, int code = 0) const {
+    const std::string output = done(arguments, code);
+    for (const std::string& text : texts) CHECK_THAT(output, Contains(text));
   }
   nlohmann::json json(const std::string& arguments) const {
     const std::string text = done("-q " + arguments + " --json");
