@@ -24,9 +24,8 @@ TEST_CASE("a model file created by another process during training is kept") {
   const Folder dir;
   const TrainedModel model = load_model(made_model("ridge", 60));
   std::ofstream(dir / "m") << "precious";
-  CHECK_THROWS_WITH(
-      save_model(model, dir / "m"),
-      Catch::Contains("another process created this file") && Catch::Contains(dir / "m.part"));
+  CHECK_THROWS_WITH(save_model(model, dir / "m"),
+                    Contains("another process created this file") && Contains(dir / "m.part"));
   CHECK(contents(dir / "m") == "precious");
   CHECK(load_model(dir / "m.part").first().name == "ridge");
 }
@@ -39,7 +38,7 @@ TEST_CASE("reconstruct overwrites the maps of another run only with --force") {
   };
   dir.done(maps("run"));
   const std::string first = contents(dir / "maps/000000_mm.png");
-  CHECK_THAT(contents(dir / "maps/run.txt"), Catch::Contains("run"));
+  CHECK_THAT(contents(dir / "maps/run.txt"), Contains("run"));
   dir.refuses(maps("other"), 2, "maps: contains maps of another run, run");
   CHECK(contents(dir / "maps/000000_mm.png") == first);
   // Overwriting the maps of the same run is allowed.
@@ -73,7 +72,7 @@ TEST_CASE("reconstruct leaves no partial picture on a full disk and follows no s
     // The limit leaves enough space for the table's header, but not for an image.
     const FullDisk disk(400);
     CHECK_THAT(dir.done(command + " --force", 6),
-               Catch::Contains("000000.png: cannot be written: File too large"));
+               Contains("000000.png: cannot be written: File too large"));
   }
   CHECK(contents(dir / "victim") == "precious");
   // The files left in the folder are records.csv, run.txt and camera.json.

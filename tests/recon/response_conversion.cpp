@@ -117,8 +117,7 @@ TEST_CASE("conversion to a narrower radar response limits the amplification of n
     CHECK(widening[i] == Approx(widening[widening.size() - 1 - i]).margin(1e-9));
 }
 
-TEST_CASE(
-    "a model trained for many radar responses does not convert runs with much narrower ones") {
+TEST_CASE("a model for many radar responses does not convert runs with much narrower ones") {
   for (const auto& [own, stays] : {std::pair{sinc, true}, {hann, false}, {blackman, true}}) {
     Dataset data = run_of(own, profile(own));
     convert(data, blackman, true);
@@ -154,8 +153,7 @@ TEST_CASE("conversion to another radar response sets the relative width and the 
   CHECK(narrower.sources[0].response.noise_factor < 1);
 }
 
-TEST_CASE(
-    "training records that imitate a wider radar response have the noise of converted records") {
+TEST_CASE("training records that imitate a wider response have the noise of converted records") {
   constexpr std::size_t records = 400;
   constexpr float deviation = 0.01f;
   Rng rng = make_rng(1, 1);
@@ -222,8 +220,7 @@ TEST_CASE("a response with unequal flanks is converted to a symmetric one") {
   }
 }
 
-TEST_CASE(
-    "radar responses imitated in training are wider than the measured one and sorted by width") {
+TEST_CASE("responses imitated in training are wider than the measured one and sorted by width") {
   for (const auto& own : {sinc, hann, blackman}) {
     double last_m = own.width_m();
     const auto wider = wider_responses(own);
