@@ -59,9 +59,7 @@ TEST_CASE("a perfect prediction has perfect scores") {
 TEST_CASE("the ghost score is 1 for the mirror image of a body and 0.5 for the mean of the two") {
   const Map truth = plate(6, 3.5f), ghost = mirrored(truth);
   const MapScores wrong = score(ghost, truth, room());
-  CHECK(wrong[metric_ghost] == 1);
-  CHECK(wrong[metric_left_right] == 0);
-  CHECK(wrong[metric_iou] == 0);
+  CHECK((wrong[metric_ghost] == 1 && wrong[metric_left_right] == 0 && wrong[metric_iou] == 0));
   CHECK(std::isnan(wrong[metric_depth_mae_m]));
   // The lateral error is the distance between the object and its mirror image. It is twice the
   // tangent of the centroid, times 3.5 m.
@@ -92,12 +90,14 @@ TEST_CASE("body position is the foreground centroid after clipping the map to va
   CHECK(score(plate(6, 30), truth, room())[metric_depth_mae_m] == Approx(2.5));
 }
 
-TEST_CASE("ghost and left/right scores are undefined for a body near the optical axis") {
+TEST_CASE("position scores are undefined for an empty map or a body near the optical axis") {
   // The centre of the plate is at column 32.5, which is only 3 cm from the optical axis.
-  const Map truth = plate(28, 3.5f);
-  const MapScores s = score(mirrored(truth), truth, room());
-  CHECK(std::isnan(s[metric_ghost]));
-  CHECK(std::isnan(s[metric_left_right]));
+  const Map middle = plate(28, 3.5f);
+  const MapScores s = score(mirrored(middle), middle, room()),
+                  none = score(Map(size * size), plate(6, 3.5f), room());
+  for (const double undefined : {s[metric_ghost], s[metric_left_right], none[metric_ghost],
+                                 none[metric_left_right], none[metric_lateral_m]})
+    CHECK(std::isnan(undefined));
 }
 
 TEST_CASE("a plate predicted at the wrong position and distance has the expected scores") {
@@ -115,16 +115,11 @@ TEST_CASE("a plate predicted at the wrong position and distance has the expected
   CHECK(s[metric_delta_125] == Approx(0.5));
 }
 
-TEST_CASE(
-    "if no background is known, predicted depths above half the mean body depth are foreground") {
+TEST_CASE("if no background is known, every return of a ground-truth map is foreground") {
+  // Predicted depths are foreground above half the mean body depth.
   const Map truth = plate(10, 3.5f);
   CHECK(score(with_ripple(plate(10, 1.76f)), truth, room())[metric_iou] == 1);
   CHECK(std::isnan(score(with_ripple(plate(10, 1.74f)), truth, room())[metric_lateral_m]));
-}
-
-TEST_CASE(
-    "if no background is known, every return in the ground-truth map is foreground, even a near "
-    "one") {
   for (const float depth_m : {0.6f, 1.2f, 1.4f, 1.74f, 5.5f}) {
     const Map near = plate(10, depth_m);
     CHECK(score(near, near, room())[metric_iou] == 1);
@@ -151,12 +146,6 @@ TEST_CASE("pixels near the background depth are not foreground") {
   CHECK_FALSE(true_foreground(5.45f, 5.5f));
   // A depth of 0 means that no light returned, so it is unknown whether there is a surface.
   CHECK_FALSE(true_foreground(0, 5.5f));
-}
-
-TEST_CASE("position scores are undefined for an empty prediction") {
-  const MapScores s = score(Map(size * size), plate(6, 3.5f), room());
-  for (const Metric m : {metric_lateral_m, metric_ghost, metric_left_right})
-    CHECK(std::isnan(s[m]));
 }
 
 TEST_CASE("foreground depth and background are learnt from the training maps") {
@@ -201,12 +190,10 @@ TEST_CASE("foreground scores are undefined if a moving surface replaces the back
     CHECK(thresholded_map(off, scene) == off);
   }
   // The maps show a swinging door leaf that covers the left half of the field of view.
-  Matrix leaf(0, size * size);
-  for (int i = 0; i < 60; ++i) {
-    Map map(size * size, 4.f);
-    for (std::size_t p = 0; p < map.size(); ++p)
-      if (p % size < 32) map[p] = 2 + 0.03f * float(i) * (1 + float(p % size) / 32);
-    leaf.add_row(map);
+  Matrix leaf(60, size * size);
+  for (std::size_t p = 0; p < leaf.values.size(); ++p) {
+    const auto map = static_cast<float>(p / leaf.cols), column = static_cast<float>(p % size);
+    leaf.values[p] = column < 32 ? 2 + 0.03f * map * (1 + column / 32) : 4;
   }
   CHECK_FALSE(learn_scene(leaf, all_rows(60), {}).has_body());
 }
@@ -227,13 +214,13 @@ TEST_CASE("the foreground probability is blurred at body edges by the position u
   const SceneModel scene = room(5.5f, 3.5f);
   const std::size_t side = scene.grid.size, middle = side / 2;
   SoftMaps own{Matrix(3, side * side), Matrix(3, side * side)};
-  std::fill(own.depth.values.begin(), own.depth.values.end(), 3.f);
+  std::ranges::fill(own.depth.values, 3.f);
   for (std::size_t p = 0; p < own.foreground_probability.values.size(); ++p)
     own.foreground_probability.values[p] = p % side >= middle;
-  const double pixel_m = 3 * scene.grid.step(), deviations_of_90_percent = 1.645;
+  // The standard deviations of the position are 4, 0.5 and 0.1 pixels of 3 m times the step.
   std::vector<double> interval_90_m;
   for (const double pixels : {4., 0.5, 0.1})
-    interval_90_m.push_back(deviations_of_90_percent * pixels * pixel_m);
+    interval_90_m.push_back(1.645 * pixels * 3 * scene.grid.step());
   const SoftMaps soft = soft_of(own, Matrix(3, side * side), scene, interval_90_m);
   const auto share = [&](std::size_t map, std::size_t column) {
     return double{soft.foreground_probability.row(map)[middle * side + column]};
