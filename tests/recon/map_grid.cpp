@@ -22,12 +22,11 @@ TEST_CASE("loading refuses runs with different map grids and runs with invalid m
   const Folder dir;
   a_run(2).write(dir / "a");
   a_run(2, 2).map({32, 0.55}).write(dir / "b");
-  CHECK_THAT(
-      error_of([&] {
-        load({dir / "a", dir / "b"});
-      }),
-      Catch::Contains("b: depth maps have 32 x 32 pixels, |x/z| up to 0.55, depth up to 6 m; ") &&
-          Catch::EndsWith("a has 64 x 64 pixels, |x/z| up to 0.55, depth up to 6 m"));
+  CHECK_THAT(error_of([&] {
+               load({dir / "a", dir / "b"});
+             }),
+             Contains("b: depth maps have 32 x 32 pixels, |x/z| up to 0.55, depth up to 6 m; ") &&
+                 EndsWith("a has 64 x 64 pixels, |x/z| up to 0.55, depth up to 6 m"));
   a_run(2, 3).map({}).write(dir / "same");
   CHECK(load({dir / "a", dir / "same"}).size() == 4);
   const std::vector<std::pair<const char*, std::vector<Value>>> changes = {
@@ -39,11 +38,10 @@ TEST_CASE("loading refuses runs with different map grids and runs with invalid m
       {"axis ?1 starts at ?2", {"map_x", 0}}};
   for (const auto& [change, values] : changes)
     CHECK_THAT(error_of([&] { load({damaged(dir / "same", dir / "bad", change, values)}); }),
-               Catch::Contains("bad: axes map_x, map_y and map_z: expected 3 to 256 pixels"));
+               Contains("bad: axes map_x, map_y and map_z: expected 3 to 256 pixels"));
 }
 
-TEST_CASE(
-    "a model keeps the map grid of its training runs, and evaluate refuses runs with other grids") {
+TEST_CASE("a model keeps the map grid of its training runs, and evaluate refuses other grids") {
   const ReconFolder dir;
   const record::MapGrid grid{24, 0.55};
   a_run(200).map(grid).write(dir / "run");
@@ -58,8 +56,8 @@ TEST_CASE(
     CHECK(model.predict(load({dir / "run"}), {0, 1}).cols == 24 * 24);
     CHECK(dir.json("evaluate " + kind + " run")["metrics"]["iou"]["mean"] > 0.2);
     CHECK_THAT(dir.done("evaluate " + kind + " other", 1),
-               Catch::Contains("depth maps have 64 x 64 pixels, |x/z| up to 0.55, depth up to 6 m; "
-                               "the model has 24 x 24 pixels, |x/z| up to 0.55, depth up to 6 m"));
+               Contains("depth maps have 64 x 64 pixels, |x/z| up to 0.55, depth up to 6 m; "
+                        "the model has 24 x 24 pixels, |x/z| up to 0.55, depth up to 6 m"));
     dir.done("reconstruct -q " + kind + " other" + out);
     CHECK(picture(dir / "maps/000003_mm.png", 24).size() == 24 * 24);
   }
