@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: MIT
+#include "recon/models/mask_loss.hpp"
 #include "recon/models/model.hpp"
 #include "world.hpp"
 
@@ -10,12 +11,6 @@ Matrix random_matrix(std::size_t rows, std::size_t cols, std::uint64_t seed) {
   Matrix out(rows, cols);
   for (float& v : out.values) v = normal(rng);
   return out;
-}
-
-TrainOptions quick(const std::string& model) {
-  TrainOptions options = quiet_options(model, 25);
-  options.fit.hidden = {48, 24}, options.fit.batch = 16;
-  return options;
 }
 
 // Returns a data set of plates. It is loaded only once and shared by all test cases.
@@ -39,39 +34,14 @@ TEST_CASE("the nearest-neighbour model returns the stored map of a training reco
   CHECK(nearest->cost().multiply_adds == looked_up + 5 * y.cols);
 }
 
-TEST_CASE(
-    "fused inputs score better than the SPD alone, because the SPD cannot tell left from right") {
-  const auto scores = [](const char* inputs) {
-    TrainOptions options = quick("mlp");
-    options.inputs = inputs;
-    const TrainedModel model = train(plates(), options);
-    return scores_of(model, plates(), rows_to_evaluate(model, plates(), false));
-  };
-  const Summaries fused = scores("fused"), spd = scores("spd");
-  CHECK(fused[metric_iou].mean > 0.6);
-  CHECK(fused[metric_left_right].mean > 0.95);
-  CHECK(fused[metric_ghost].mean < spd[metric_ghost].mean / 4);
-  CHECK(fused[metric_iou].mean > spd[metric_iou].mean + 0.3);
-  // If only SPD data are used, most maps have no foreground. In the other maps, the object is on
-  // the correct side in half of the cases (within 4 standard deviations), because the ghost is
-  // nearly as strong as the object.
-  if (const double n = static_cast<double>(spd[metric_left_right].maps); n > 0)
-    CHECK(std::abs(spd[metric_left_right].mean - 0.5) < 4 * 0.5 / std::sqrt(n));
-  CHECK(spd[metric_lateral_m].maps < fused[metric_lateral_m].maps / 2);
-  CHECK(spd[metric_ghost].mean > 0.4);
-}
-
-TEST_CASE(
-    "training stops early, keeps the weights of the best epoch and logs the loss of each epoch") {
-  TrainOptions options = quick("mlp");
-  options.fit.epochs = 400;
-  options.fit.patience = 5;
+TEST_CASE("training stops early, keeps the weights of the best epoch and logs each loss") {
+  TrainOptions options = quiet_options("mlp-48-24", 400);
+  options.fit.batch = 16, options.fit.patience = 5;
   const TrainingLog log = train(plates(), options).first().log;
   CHECK(log.loss.size() < 400);
   CHECK(log.loss.size() == log.best_epoch + 5);
   CHECK(log.validation_loss.size() == log.loss.size());
-  CHECK(*std::min_element(log.validation_loss.begin(), log.validation_loss.end()) ==
-        log.validation_loss[log.best_epoch - 1]);
+  CHECK(std::ranges::min(log.validation_loss) == log.validation_loss[log.best_epoch - 1]);
 }
 
 TEST_CASE("evaluation scores the model and three baseline methods on the held-out records") {
@@ -79,26 +49,61 @@ TEST_CASE("evaluation scores the model and three baseline methods on the held-ou
   const Rows rows = rows_to_evaluate(model, plates(), false);
   CHECK(rows.size() == 60);
   CHECK(rows_to_evaluate(model, plates(), true).size() == 600);
+  CHECK(rows_to_evaluate(model, load_plates(10, 9), false).size() == 10);
   const Rows seen = model.rows_of(plates(), Subset::train);
   const auto baselines = score_baselines(plates(), rows, model.first().scene, plates(), seen);
   REQUIRE(baselines.size() == 3);
   CHECK(baselines[0].name == "empty");
   CHECK(baselines[0].metrics[metric_iou].mean == 0);
   CHECK(baselines[2].metrics[metric_iou].mean > 0.3);
-  const Folder dir;
   // Each pair of records shows a plate and the mirror image of the plate. The ghost of one plate is
   // therefore at the position of the other plate.
-  a_run(60, 5, [](FusedRecord& r) {
+  const Dataset pairs = load_plates(60, 5, [](FusedRecord& r) {
     Rng rng = make_rng(5, static_cast<std::uint64_t>(r.index / 2));
     std::uniform_real_distribution<double> any_x(-1, 1), any_z(3, 4);
     const double x = any_x(rng), z = any_z(rng);
     Rng noise = make_rng(6, static_cast<std::uint64_t>(r.index));
     r = plate_record(r.index, r.index % 2 ? -x : x, z, noise);
-  }).write(dir / "pairs");
-  const Dataset pairs = load({dir / "pairs"});
+  });
   const auto both = score_baselines(pairs, rows_to_evaluate(model, pairs, true),
                                     model.first().scene, plates(), seen);
   CHECK(both[1].metrics[metric_ghost].mean == Approx(0.5).epsilon(1e-6));
-  a_run(10, 9).write(dir / "fresh");
-  CHECK(rows_to_evaluate(model, load({dir / "fresh"}), false).size() == 10);
+}
+
+TEST_CASE("gradients of the mask loss equal central differences in both precisions") {
+  const std::vector<float> truth = {0, 1.2f, 3, 0, 5, 2.5f}, background = {0, 0, 0, 5, 5, 5};
+  const std::vector<double> outputs = {-2, 0.5, 30, -40, 1e-3, -1, 3, 1.1, 3.2, 2, 4.9, 0.5};
+  constexpr double spread_m = 0.8, step = 1e-6;
+  const auto loss = [&](std::vector<double> at) {
+    return mask_loss<double>(truth, background, spread_m, at);
+  };
+  std::vector<double> slopes = outputs;
+  mask_loss<double>(truth, background, spread_m, slopes);
+  std::vector<float> single(outputs.begin(), outputs.end());
+  CHECK(mask_loss<float>(truth, background, 0.8f, single) == Approx(loss(outputs)).epsilon(1e-5));
+  for (std::size_t i = 0; i < outputs.size(); ++i) {
+    auto up = outputs, down = outputs;
+    up[i] += step, down[i] -= step;
+    CAPTURE(i);
+    CHECK(slopes[i] == Approx((loss(up) - loss(down)) / (2 * step)).margin(1e-7));
+    CHECK(double{single[i]} == Approx(slopes[i]).margin(1e-5));
+  }
+  // Outputs 6, 9 and 10 are the predicted depths of the three pixels without an object. These
+  // depths must not affect the loss.
+  for (const std::size_t i : {6u, 9u, 10u}) CHECK(slopes[i] == 0);
+}
+
+TEST_CASE("a network with mask and depth outputs scores better than a depth regression") {
+  const auto scores = [&](const char* model) {
+    TrainOptions options = quiet_options(model, 40);
+    options.fit.batch = 16, options.fit.learning_rate = 4e-3;
+    const TrainedModel trained = train(plates(), options);
+    return scores_of(trained, plates(), rows_to_evaluate(trained, plates(), false));
+  };
+  const Summaries masked = scores("mlp-mask-48-24"), regressed = scores("mlp-48-24");
+  CHECK(masked[metric_iou].mean > regressed[metric_iou].mean);
+  CHECK(regressed[metric_iou].mean > 0.6);
+  CHECK(regressed[metric_ghost].mean < 0.1);
+  CHECK(masked[metric_depth_mae_m].mean < regressed[metric_depth_mae_m].mean);
+  CHECK(masked[metric_left_right].mean > 0.95);
 }
