@@ -160,6 +160,13 @@ const std::vector<Hostile> hostile_files = {
      fact("0/axes/spd/count", 29)},
     {"layers of different sizes", "0/model/layer1/weights: expected shape 12 x 10",
      shape_of("0/model/layer1/weights", {10, 12}), "mlp-12-10"},
+    {"a layer without outputs", "0/model/widths: expected first and last width 54 and 4096",
+     [](auto& m) {
+       const std::int64_t none = 0;
+       std::memcpy(m.values.data() + m.begin_of("0/model/widths") + sizeof none, &none,
+                   sizeof none);
+     },
+     "mlp-12-10"},
     {"another number of layers", "0/model/",
      [](auto& m) { m.replace("0/model/widths", "I64", {2}, 16, 1); }, "mlp-12-10"},
     {"a cell frame of another size", "0/model/masks/mean: has shape",

@@ -82,7 +82,7 @@ TEST_CASE("evaluate reports mirrored depth maps, and train refuses them unless a
   for (const std::string& command : {train + "a", std::string("-q train --from m --out b")})
     dir.refuses(command + " mirrored", 1, "--set mirrored=take uses the maps as they are");
   dir.done(train + "c --set mirrored=take mirrored");
-  dir.says("train --from m --out d late", {"1 record late"});
+  dir.says("train --from m --out d late", {"1 record late", "cross-validation: unchanged\n"});
 }
 
 TEST_CASE("evaluate does not score maps of training records, also in comparison with a model") {
