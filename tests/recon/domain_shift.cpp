@@ -72,6 +72,14 @@ TEST_CASE("the domain-shift test ignores sensor gains and leakage, and states wh
     CHECK_THAT(said(fused, 100, 10, change), StartsWith("this run matches"));
   CHECK(said(fused, 15, 11, {}).empty());
   CHECK_THAT(said(fused, 400, 77, slight), Contains("radar profile width 1.01 +- 0.00 times"));
+  // Every second body is 24 cm nearer, and the others are farther by as much.
+  const Change spread = [](FusedRecord& r) {
+    const std::ptrdiff_t near = r.index % 2;
+    std::rotate(counts(r).begin(), near ? counts(r).begin() + 4 : counts(r).end() - 4,
+                counts(r).end());
+    std::rotate(power(r).begin(), near ? power(r).begin() + 1 : power(r).end() - 1, power(r).end());
+  };
+  CHECK_THAT(said(fused, 400, 12, spread), Contains(" scatters more"));
   // Power is measured out to half the range of the body. The echoes of the plates begin in bin 12.
   const std::string name = "radar power before the body";
   CHECK_THAT(said(radar, 100, 10, more_power(0, 6, 0.3f)), Contains(name));
