@@ -56,7 +56,7 @@ TEST_CASE("BLAS kernels for an unknown processor are selected by its CPU feature
   CHECK(std::vector<float>(c, c + 4) == std::vector<float>{19, 22, 43, 50});
 }
 
-TEST_CASE("--version prints the BLAS kernels, and an environment variable overrides them") {
+TEST_CASE("the version option prints the BLAS kernels, and a variable overrides them") {
   const std::string own = version_with("-u OPENBLAS_CORETYPE");
   CHECK_THAT(own, Catch::Contains("matrix kernels "));
   if (avx2()) CHECK_THAT(own, !Catch::Contains("SSE"));
