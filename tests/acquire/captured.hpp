@@ -24,4 +24,12 @@ acquire::Capture captured(const acquire::Config& config, const DeviceInfo& devic
   return capture;
 }
 
+// Checks the grade of a finding, and words of its text or advice.
+inline void check_finding(const acquire::Finding& finding, acquire::Grade grade,
+                          const std::string& words = {}) {
+  CAPTURE(finding.found, finding.advice);
+  CHECK(finding.grade == grade);
+  CHECK_THAT(finding.found + "; " + finding.advice, Catch::Contains(words));
+}
+
 }  // namespace echofuse::test

@@ -17,6 +17,16 @@ inline void write_file(const std::string& path, const std::string& text) {
   std::ofstream(path, std::ios::binary) << text;
 }
 
+// Returns the bytes after each LF was converted to CR LF.
+inline Bytes saved_as_text(ByteView bytes) {
+  Bytes out;
+  for (const std::uint8_t b : bytes) {
+    if (b == '\n') out.push_back('\r');
+    out.push_back(b);
+  }
+  return out;
+}
+
 inline Outcome acquire(const std::string& arguments) {
   return shell(bin_dir + "/echofuse-acquire " + arguments);
 }
@@ -26,6 +36,18 @@ inline std::string text_of(const Outcome& outcome, int code = 0) {
   CAPTURE(outcome.text);
   REQUIRE(outcome.code == code);
   return outcome.text;
+}
+
+inline std::string status_of(const std::string& path) {
+  return record::RunReader(path).info().status;
+}
+
+// Returns the events of a run as "LEVEL SOURCE: TEXT".
+inline std::vector<std::string> events_of(const std::string& path) {
+  std::vector<std::string> out;
+  for (const record::Event& e : record::RunReader(path).events())
+    out.push_back(e.level + " " + e.source + ": " + e.text);
+  return out;
 }
 
 // Connection of another program to a run file, for example during a transaction.
