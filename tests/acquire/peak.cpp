@@ -1,77 +1,21 @@
 // SPDX-License-Identifier: MIT
 #include "acquire/calibrate/peak.hpp"
 
-#include <complex>
-
-#include "../catch.hpp"
-#include "drivers/core/axis.hpp"
-#include "drivers/core/random.hpp"
-#include "drivers/radar/log2_codes.hpp"
+#include "echoes.hpp"
 
 using namespace echofuse::acquire;
+using namespace echofuse::test;
 
 namespace {
-
-constexpr double pi = std::numbers::pi;
-constexpr double step_ps = 10;
-constexpr std::size_t bins = 2000;  // The bins are 10 ps wide and cover ranges from 0 to 3 m.
-
-// Returns a photon histogram with a uniform background and a Gaussian IRF. Each of the `reflectors`
-// is a pair {range in m, mean number of photons}.
-std::vector<std::uint32_t> photons(const std::vector<std::pair<double, double>>& reflectors,
-                                   double background, Rng& rng, double fwhm_ps = 200) {
-  std::vector<std::uint32_t> counts(bins);
-  const double sigma = fwhm_ps / (2 * std::sqrt(2 * std::numbers::ln2));
-  for (const auto& [range_m, mean] : reflectors) {
-    std::normal_distribution<double> time(range_m * ps_per_m, sigma);
-    for (auto n = std::poisson_distribution<int>(mean)(rng); n > 0; --n)
-      if (const double t = time(rng); t >= 0 && t < step_ps * bins)
-        ++counts[static_cast<std::size_t>(t / step_ps)];
-  }
-  for (auto n = std::poisson_distribution<int>(background)(rng); n > 0; --n) ++counts[rng() % bins];
-  return counts;
-}
 
 Peak spd(const std::vector<std::uint32_t>& counts, Search search = {}) {
   return fit_photons(counts, 0, step_ps, search);
 }
 
-// Computes the Fourier transform of the Blackman window directly, as a sum over the window.
-std::complex<double> echo(double cells, unsigned samples) {
-  std::complex<double> sum = 0;
-  double weights = 0;
-  for (unsigned k = 0; k < samples; ++k) {
-    const double x = 2 * pi * k / samples;
-    const double w = 0.42 - 0.5 * std::cos(x) + 0.08 * std::cos(2 * x);
-    sum += w * std::polar(1.0, x * cells);
-    weights += w;
-  }
-  return sum / weights;
-}
-
-constexpr unsigned antennas = 12;
 const EchoAxis fine{.step_m = 0.044, .resolution_m = 0.0469};
 
-// Returns range profiles of the radar firmware. Each power comes from an integer code, which is
-// proportional to the sum over antennas of the log2 magnitudes.
-Profiles frames(const std::vector<std::pair<double, std::complex<double>>>& reflectors,
-                double noise_db, std::size_t count, Rng& rng) {
-  std::vector<std::complex<double>> clean(64);
-  for (std::size_t i = 0; i < clean.size(); ++i)
-    for (const auto& [range_m, amplitude] : reflectors)
-      clean[i] += amplitude *
-                  echo((static_cast<double>(i) * fine.step_m - range_m) / fine.resolution_m, 120);
-  std::normal_distribution<double> noise(0, std::pow(10, noise_db / 20) / std::sqrt(2));
-  Profiles out(count);
-  for (auto& frame : out)
-    for (const auto& c : clean) {
-      double sum = 0;
-      for (unsigned a = 0; a < antennas; ++a)
-        sum += std::log2(1e6 * std::abs(c + std::complex(noise(rng), noise(rng))));
-      frame.push_back(radar::power_from_code(
-          static_cast<std::uint16_t>(std::lround(256 * sum / 16)), antennas));
-    }
-  return out;
+Profiles frames(const std::vector<Echo>& echoes, double noise_db, std::size_t count, Rng& rng) {
+  return frames_of(echoes, fine, noise_db, count, rng);
 }
 
 int trials() { return std::getenv("ECHOFUSE_LONG") ? 1000 : 200; }
@@ -119,8 +63,7 @@ TEST_CASE("the scatter of fitted SPD peak positions matches their standard error
   CHECK(pulls.worst_m < 2e-3);
 }
 
-TEST_CASE(
-    "the scatter of fitted radar peak positions in 4.4 cm bins matches their standard errors") {
+TEST_CASE("the scatter of fitted radar peak positions matches their standard errors") {
   // For the weakest echo (noise at -15 dB), averaging the logarithms of the power would cause a
   // bias larger than the standard error.
   const auto [noise_db, count] =
@@ -137,8 +80,7 @@ TEST_CASE(
   CHECK(pulls.worst_m < 1e-2);
 }
 
-TEST_CASE(
-    "if all frames are identical, the standard error of a radar peak comes from quantisation") {
+TEST_CASE("the standard error of a radar peak in identical frames comes from quantisation") {
   Rng rng = make_rng(4, 0);
   // Peaks midway between two bins are avoided, because two bins that are equal in every frame would
   // count as a clipped lobe.
@@ -177,30 +119,30 @@ TEST_CASE("a second reflector in the radar lobe is detected or shifts the peak b
 
 TEST_CASE("a peak fit refuses data without a reflector peak and reports the reason") {
   Rng rng = make_rng(3, 0);
-  const auto starts = [](const std::string& text) { return Catch::StartsWith(text); };
-  CHECK_THAT(spd(photons({}, 20, rng)).refusal, starts("no peak: fewer than 100 photons"));
-  CHECK_THAT(spd(photons({}, 20'000, rng)).refusal, starts("SNR too low"));
-  CHECK_THAT(
-      spd(photons({{1.5, 5000}}, 1000, rng)).refusal,
-      starts("no peak in the search window; the strongest peak is at 1.500 m: check --distance; if "
-             "a cable or fibre delays the clicks, add -33"));
-  CHECK_THAT(spd(photons({{1, 5000}, {1.07, 3000}}, 1000, rng)).refusal,
-             starts("two peaks: the second peak is at 1.0"));
+  using Catch::StartsWith;
+  using Reflectors = std::vector<std::pair<double, double>>;
+  for (const auto& [reflectors, background, words] :
+       {std::tuple(Reflectors{}, 20, "no peak: fewer than 100 photons"),
+        {{}, 20'000, "SNR too low"},
+        {{{1.5, 5000}},
+         1000,
+         "no peak in the search window; the strongest peak is at 1.500 m: check "
+         "--distance; if a cable or fibre delays the clicks, add -33"},
+        {{{1, 5000}, {1.07, 3000}}, 1000, "two peaks: the second peak is at 1.0"}})
+    CHECK_THAT(spd(photons(reflectors, background, rng)).refusal, StartsWith(words));
   // Echoes outside the search range are ignored, however strong they are.
   const Peak before_a_wall = spd(photons({{1, 5000}, {1.3, 20'000}}, 1000, rng));
   CHECK(before_a_wall.refusal == "");
   CHECK(before_a_wall.range_m == Approx(1).margin(2e-3));
-  const auto radar = [&](const std::vector<std::pair<double, std::complex<double>>>& r,
-                         double noise_db, Search search = {}) {
-    return fit_echo(frames(r, noise_db, 20, rng), fine, search).refusal;
+  const auto radar = [&](const std::vector<Echo>& echoes, double noise_db, Search search = {}) {
+    return fit_echo(frames(echoes, noise_db, 20, rng), fine, search).refusal;
   };
-  CHECK_THAT(fit_echo({}, fine, {}).refusal, starts("no peak: fewer than 8 frames"));
-  CHECK_THAT(radar({{1, 1}}, 0), starts("SNR too low"));
-  CHECK_THAT(radar({{1.3, 1}}, -30), starts("no peak in the search window"));
-  CHECK_THAT(radar({{1, 1}, {1.4, 0.8}}, -30, {1, 1}),
-             starts("two peaks: the second peak is at 1.4"));
+  CHECK_THAT(fit_echo({}, fine, {}).refusal, StartsWith("no peak: fewer than 8 frames"));
+  CHECK_THAT(radar({{1, 1}}, 0), StartsWith("SNR too low"));
+  CHECK_THAT(radar({{1.3, 1}}, -30), StartsWith("no peak in the search window"));
+  CHECK_THAT(radar({{1, 1}, {1.4, 0.8}}, -30, {1, 1}), StartsWith("two peaks: the second peak is"));
   auto flat = frames({{1, 1}}, -30, 20, rng);
   for (auto& frame : flat)
     for (auto& power : frame) power = std::min(power, radar::power_from_code(3700, antennas));
-  CHECK_THAT(fit_echo(flat, fine, {}).refusal, starts("saturated"));
+  CHECK_THAT(fit_echo(flat, fine, {}).refusal, StartsWith("saturated"));
 }

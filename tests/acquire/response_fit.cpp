@@ -1,39 +1,12 @@
 // SPDX-License-Identifier: MIT
 #include "acquire/calibrate/response_fit.hpp"
 
-#include <complex>
-#include <functional>
-
-#include "../catch.hpp"
-#include "drivers/core/axis.hpp"
-#include "drivers/core/random.hpp"
-#include "drivers/radar/log2_codes.hpp"
+#include "echoes.hpp"
 
 using namespace echofuse::acquire;
+using namespace echofuse::test;
 
 namespace {
-
-constexpr double pi = std::numbers::pi, step_ps = 10;
-constexpr std::size_t bins = 2000;
-
-// Returns a histogram for a reflector at 1 m. The delay of a fraction `share` of the photons is
-// increased by an exponentially distributed time.
-std::vector<std::uint32_t> photons(int count, double fwhm_ps, double tail_ps, double share,
-                                   Rng& rng) {
-  std::vector<std::uint32_t> counts(bins);
-  std::normal_distribution<double> time(ps_per_m, fwhm_ps / std::sqrt(8 * std::numbers::ln2));
-  std::exponential_distribution<double> delay(tail_ps > 0 ? 1 / tail_ps : 1);
-  std::bernoulli_distribution delayed(tail_ps > 0 ? share : 0);
-  for (int n = 0; n < count; ++n) {
-    const double t = time(rng) + (delayed(rng) ? delay(rng) : 0);
-    ++counts[static_cast<std::size_t>(t / step_ps)];
-  }
-  for (int n = 0; n < count / 10; ++n) ++counts[rng() % bins];
-  return counts;
-}
-
-constexpr unsigned antennas = 12;
-using Amplitude = std::complex<double>;
 
 // Bin width, size of the resolution cell and range of the reflector, all in m.
 struct Place {
@@ -42,106 +15,51 @@ struct Place {
 };
 constexpr Place fine{0.044, 0.0469, 1.01};
 
-struct NamedWindow {
-  const char* name;
-  // Returns the window amplitude. The argument is the position within the sweep, from -1/2 (start)
-  // to 1/2 (end).
-  std::function<double(double)> at;
-  double cubic_rad = 0;  // phase error at the end of the sweep
-};
-// Returns a sum of cosines.
-std::function<double(double)> cosines(const std::vector<double>& terms) {
-  return [terms](double t) {
-    double sum = 0, k = 0;
-    for (const double term : terms) sum += term * std::cos(2 * pi * k++ * t);
-    return sum;
-  };
-}
 std::function<double(double)> kaiser(double b) {
   return [b](double t) { return std::cyl_bessel_i(0, b * std::sqrt(std::max(0., 1 - 4 * t * t))); };
-}
-double tukey(double t) {
-  return std::abs(t) < .25 ? 1 : .5 + .5 * std::cos(4 * pi * (std::abs(t) - .25));
 }
 const NamedWindow windows[] = {
     {"none", cosines({1})},
     {"Hann", cosines({1, 1})},
-    {"Blackman", cosines({.42, .5, .08})},
+    blackman_window,
     {"Kaiser 2.5", kaiser(2.5)},
     {"Kaiser 6", kaiser(6)},
     {"Kaiser 12", kaiser(12)},
     // Taylor window with 5 nearly equal sidelobes
     {"Taylor, 35 dB", cosines({1, .6887, -.03039, .008557, -.001469})},
-    {"Tukey", tukey},
     {"Gauss", [](double t) { return std::exp(-t * t / .08); }},
     {"Blackman-Harris", cosines({.35875, .48829, .14128, .01168})},
     {"flat top", cosines({.21557895, .41663158, .277263158, .083578947, .006947368})},
 };
 
-// Computes the range response directly, as a sum over the samples of the sweep.
-Amplitude response(const NamedWindow& window, double cells) {
-  constexpr unsigned samples = 120;
-  Amplitude sum = 0;
-  double all = 0;
-  for (unsigned k = 0; k < samples; ++k) {
-    const double t = (k + 0.5) / samples - 0.5;
-    sum += window.at(t) * std::polar(1.0, 2 * pi * t * cells + window.cubic_rad * 8 * t * t * t);
-    all += window.at(t);
-  }
-  return sum / all;
-}
-
-struct Echo {
-  double beyond_m = 0;  // distance of an object behind the reflector, measured from the reflector
-  Amplitude amplitude = 1;
-};
-// Returns range profiles of a reflector and the objects behind it. If `adds` is true, the noise
-// power is added to the signal power. Otherwise, complex noise is added to the amplitudes.
+// Returns 100 range profiles of a reflector and of an object behind it, with transmitter leakage.
 Profiles frames(const NamedWindow& window, const Place& place, double noise_db, Rng& rng,
-                bool adds = false, const std::vector<Echo>& echoes = {{}}) {
-  std::vector<Amplitude> clean(64);
-  for (std::size_t i = 0; i < clean.size(); ++i)
-    for (const Echo& e : echoes)
-      clean[i] +=
-          e.amplitude *
-          response(window, (static_cast<double>(i) * place.step_m - place.range_m - e.beyond_m) /
-                               place.cell_m);
-  clean[0] += 3;  // adds transmitter leakage to the first bin
-  const double power = std::pow(10, noise_db / 10);
-  std::normal_distribution<double> noise(0, std::sqrt(power / 2));
-  std::exponential_distribution<double> more(1 / power);
-  Profiles out(100);
-  for (auto& frame : out)
-    for (const auto& c : clean) {
-      double sum = antennas * std::log2(1e6 * std::sqrt(std::norm(c) + more(rng)));
-      if (!adds) sum = 0;
-      for (unsigned n = 0; n < antennas && !adds; ++n)
-        sum += std::log2(1e6 * std::abs(c + Amplitude(noise(rng), noise(rng))));
-      frame.push_back(radar::power_from_code(
-          static_cast<std::uint16_t>(std::lround(256 * sum / 16)), antennas));
-    }
-  return out;
+                bool adds = false, const Echo& behind = {0, 0}) {
+  const Echo echoes[] = {{place.range_m}, {place.range_m + behind.range_m, behind.amplitude}};
+  return frames_of({std::begin(echoes), std::end(echoes)}, place.axis(), noise_db, 100, rng, window,
+                   3, adds);
 }
 
 }  // namespace
 
 TEST_CASE("the fit of the detector response recovers width and tail within their standard errors") {
-  Rng rng = make_rng(1, 1);
+  Rng rng = make_rng(2, 1);
   const Search search{1, 0.3};
+  const std::vector<std::pair<double, double>> one{{1, 50'000}};
   for (const double fwhm_ps : {120., 200., 280.}) {
     record::Response plain, tailed;
-    fit_impulse_response(photons(50'000, fwhm_ps, 0, 0, rng), 0, step_ps, search, plain);
+    fit_impulse_response(photons(one, 5000, rng, fwhm_ps), 0, step_ps, search, plain);
     CHECK(std::abs(plain.irf_fwhm_ps.value - fwhm_ps) < 4 * plain.irf_fwhm_ps.standard_error);
     CHECK(plain.irf_fwhm_ps.standard_error < 2);
     CHECK(plain.irf_tail_share.value == 0);
-    fit_impulse_response(photons(50'000, fwhm_ps, 150, 0.4, rng), 0, step_ps, search, tailed);
+    fit_impulse_response(photons(one, 5000, rng, fwhm_ps, 150, 0.4), 0, step_ps, search, tailed);
     INFO(to_text(tailed.irf_fwhm_ps) << ", " << to_text(tailed.irf_tail_ps));
     CHECK(std::abs(tailed.irf_fwhm_ps.value - fwhm_ps) < 4 * tailed.irf_fwhm_ps.standard_error);
     CHECK(std::abs(tailed.irf_tail_ps.value - 150) < 4 * tailed.irf_tail_ps.standard_error);
     CHECK(std::abs(tailed.irf_tail_share.value - 0.4) < 4 * tailed.irf_tail_share.standard_error);
   }
   record::Response none;
-  CHECK(fit_impulse_response(photons(500, 200, 0, 0, rng), 0, step_ps, search, none) ==
+  CHECK(fit_impulse_response(photons({{1, 500}}, 50, rng), 0, step_ps, search, none) ==
         "fewer than 1000 photons received");
   CHECK(none == record::Response{});
 }
@@ -234,25 +152,23 @@ TEST_CASE("both flanks of an asymmetric radar response are fitted, and range zer
 
 TEST_CASE("the response fit refuses an extended reflector and reports the reason") {
   Rng rng = make_rng(5, 1);
-  const NamedWindow& blackman_window = windows[2];
-  const auto refusal = [&](const Place& place, const std::vector<Echo>& echoes) {
+  const auto refusal = [&](const Place& place, const Echo& behind) {
     record::Response found;
-    const auto fit = fit_radar_response(frames(blackman_window, place, -35, rng, false, echoes),
+    const auto fit = fit_radar_response(frames(blackman_window, place, -35, rng, false, behind),
                                         place.axis(), place.range_m, found);
     CHECK(found == record::Response{});
     return fit.refusal;
   };
-  const Amplitude turned = std::polar(0.5, 1.);
-  CHECK_THAT(refusal(fine, {{}, {0.08, turned}}),
+  CHECK_THAT(refusal(fine, {0.08, std::polar(0.5, 1.)}),
              Catch::Contains("does not match that of a single point"));
   CHECK_THAT(
-      refusal({0.25, 0.27, 0.5}, {{}}),
+      refusal({0.25, 0.27, 0.5}, {0, 0}),
       Catch::Contains("at 1.6 m or farther, because the range cells of this cfg have 27 cm"));
   record::Response found;
   CHECK(fit_radar_response({}, fine.axis(), 1, found).refusal == "fewer than 8 frames received");
   // A wall behind the reflector is excluded from the fit.
-  CHECK(fit_radar_response(frames(blackman_window, fine, -35, rng, false, {{}, {0.2, 5}}),
-                           fine.axis(), fine.range_m, found)
+  CHECK(fit_radar_response(frames(blackman_window, fine, -35, rng, false, {0.2, 5}), fine.axis(),
+                           fine.range_m, found)
             .refusal == "");
   CHECK(found.radar.width_m() / found.radar.cell_m == Approx(1.64).margin(0.05));
 }
@@ -270,21 +186,20 @@ TEST_CASE("radar noise falls with the square root of the number of independent f
   CHECK(few == record::Response{});
 }
 
-TEST_CASE(
-    "the sensor responses of a run are read back as written, or as unknown if they are invalid") {
+TEST_CASE("the sensor responses of a run are read back, or are unknown if they are invalid") {
   record::Response r;
   r.irf_fwhm_ps = {203.5, 1.25}, r.irf_tail_ps = {90, 4}, r.irf_tail_share = {0.4, 0.02};
   r.radar = {0.05, {1, 0.75, 0.25, 0.0625}}, r.taps_standard_error = 0.0125;
   r.radar_noise_exponent = {-0.5, 0.01};
   CHECK(record::response_of(r.meta()) == r);
   CHECK(record::response_of({}) == record::Response{});
-  for (const char* taps :
-       {"", "1", "1 0.5", "0.9 0.5 0.1", "1 x 0.1", "1 0.5 -0.1", "1 0.5 nan", "1 0.5 0.1 +- x"})
-    CHECK_FALSE(record::response_of({{"radar_cell_m", "0.5"}, {"radar_taps", taps}}).radar.known());
-  CHECK_FALSE(record::response_of({{"radar_taps", "1 0.5 0.1"}}).radar.known());
   const auto with_taps = [](const char* taps) {
     return record::response_of({{"radar_taps", taps}, {"radar_cell_m", "0.5"}}).radar;
   };
+  for (const char* taps : {"", "1", "1 0.5", "0.9 0.5 0.1", "1 x 0.1", "1 0.5 -0.1", "1 0.5 nan",
+                           "1 0.5 0.1 +- x", "0.2 0.9 0.5"})
+    CHECK_FALSE(with_taps(taps).known());
+  CHECK_FALSE(record::response_of({{"radar_taps", "1 0.5 0.1"}}).radar.known());
   const record::RadarResponse lopsided = with_taps("0 0.25 1 0.5 0.1");
   CHECK(lopsided.peak() == 2);
   CHECK(lopsided.power(-0.125) == Approx(0.25));
@@ -292,7 +207,6 @@ TEST_CASE(
   CHECK(lopsided.power(-0.4) == 0);
   CHECK(lopsided.power(0.25) == Approx(0.1));
   CHECK(with_taps("1 1.02 0.5").peak() == 0);
-  CHECK_FALSE(with_taps("0.2 0.9 0.5").known());
   // Cubic interpolation of the square roots of the taps approximates a sinc.
   record::RadarResponse sinc{2, {}};
   for (int k = 0; k < 24; ++k)
