@@ -28,31 +28,6 @@ void close_to(std::complex<float> a, std::complex<double> b, double scale) {
   CHECK(std::abs(std::complex<double>(a) - b) < 1e-5 * scale);
 }
 
-Axis of(const char* name, const char* quantity, std::uint32_t count, double scale) {
-  return {name, quantity, "m", count, 0, 0.25, scale};
-}
-
-const std::vector<Axis> two_bins{of("radar", "power_with_noise", 2, 1),
-                                 of("array", "covariance", 2, 8)};
-
-// Writes a run that contains a single record of two bins and eight antennas, and returns the
-// record.
-FusedRecord write_antennas(const std::string& path) {
-  Antennas antennas(8);
-  for (std::size_t m = 0; m < 8; ++m) antennas[m].x = static_cast<double>(m);
-  antennas[3].phase_rad = 0.5;
-  FusedRecord r;
-  r.valid.insert(Sensor::radar);
-  power(r) = {1, 2};
-  antenna_data(r) = array_of(some_frames(5, 16), 8);
-  r.array_frames = 5;
-  FusedRecord without = r;
-  without.index = 1;
-  antenna_data(without).clear(), without.array_frames = 0;
-  a_small_run().only_axes(two_bins).antennas(antennas).holding({r, without}).write(path);
-  return r;
-}
-
 }  // namespace
 
 TEST_CASE("the mean and the covariance of the antenna array are averages over frames") {
@@ -62,22 +37,20 @@ TEST_CASE("the mean and the covariance of the antenna array are averages over fr
   REQUIRE(array.size() == bins * values_of_bin(antennas));
   for (std::size_t b = 0; b < bins; ++b) {
     const ArrayBin bin = bin_of(array, antennas, b);
+    const auto x = [&](std::size_t t, std::size_t m) {
+      return std::complex<double>(frames[t][b * antennas + m]);
+    };
     std::complex<double> lag = 0;
     for (std::size_t m = 0; m < antennas; ++m) {
       std::complex<double> mean = 0;
-      for (std::size_t t = 0; t < count; ++t) {
-        const std::complex<double> x = frames[t][b * antennas + m];
-        mean += x / double{count};
-        if (t > 0)
-          lag += x * std::conj(std::complex<double>(frames[t - 1][b * antennas + m])) /
-                 double{count - 1};
-      }
+      for (std::size_t t = 0; t < count; ++t) mean += x(t, m) / double{count};
+      for (std::size_t t = 1; t < count; ++t)
+        lag += x(t, m) * std::conj(x(t - 1, m)) / double(count - 1);
       close_to(bin.mean(m), mean, 1e3);
       for (std::size_t n = 0; n < antennas; ++n) {
         std::complex<double> required = 0;
-        for (const auto& frame : frames)
-          required += std::complex<double>(frame[b * antennas + m]) *
-                      std::conj(std::complex<double>(frame[b * antennas + n])) / double{count};
+        for (std::size_t t = 0; t < count; ++t)
+          required += x(t, m) * std::conj(x(t, n)) / double{count};
         close_to(bin.covariance(m, n), required, 1e6);
       }
     }
@@ -89,9 +62,7 @@ TEST_CASE("array statistics skip frame pairs across a lost frame, and take() res
   const auto frames = some_frames(3, 8);
   ArrayStatistics sums(1, 8);
   CHECK(sums.take().empty());
-  sums.add(frames[0]);
-  sums.skip();
-  sums.add(frames[1]);
+  sums.add(frames[0]), sums.skip(), sums.add(frames[1]);
   CHECK(sums.frames() == 2);
   const auto alone = sums.take();
   CHECK(bin_of(alone, 8, 0).lag() == std::complex<float>(0));
@@ -125,9 +96,10 @@ TEST_CASE("a packed antenna array is accurate to 4e-5 of the power in its bin") 
 TEST_CASE("a run without antenna arrays is readable, and an invalid array gives a one-line error") {
   const Folder dir;
   const std::string path = dir / "run";
-  const FusedRecord wrote = write_antennas(path);
-  const auto refused = [&](const std::string& change, const std::vector<Value>& values,
-                           const std::string& why) {
+  RunBuilder wrote = a_small_run(1).antennas(Antennas(8));
+  wrote.each([](FusedRecord& r) { antenna_data(r) = array_of(some_frames(5, 4 * 8), 8); })
+      .write(path);
+  const auto refused = [&](const char* change, const std::vector<Value>& values, const char* why) {
     damaged(path, dir / "bad", change, values);
     check_error(ExitCode::failed, why, [&] {
       const RunReader run(dir / "bad");
@@ -145,7 +117,7 @@ TEST_CASE("a run without antenna arrays is readable, and an invalid array gives 
   damage(path, "no antennas");
   const RunReader without(path);
   CHECK(without.antennas().empty());
-  CHECK(power(without.read(0)) == power(wrote));
+  CHECK(power(without.read(0)) == power(small_record(0)));
 }
 
 TEST_CASE("beamforming recovers the direction and the power of a wave despite channel errors") {

@@ -10,6 +10,11 @@ using namespace echofuse::acquire;
 
 namespace {
 
+struct Checked {
+  std::vector<std::string> events;
+  SampleCheck check{1.0, [this](Sensor, const std::string& text) { events.push_back(text); }};
+};
+
 struct Run {
   std::vector<std::string> events;
   std::uint64_t taken = 0, lost = 0;
@@ -17,8 +22,8 @@ struct Run {
 
 // Sends 60 histograms at intervals of 50 ms, after `change`.
 Run run(const std::function<void(HistogramFrame&, int)>& change) {
+  Checked checked;
   Run out;
-  SampleCheck check(1.0, [&](Sensor, const std::string& text) { out.events.push_back(text); });
   Rng rng(3);
   for (int k = 0; k < 60; ++k) {
     HistogramFrame frame;
@@ -27,10 +32,9 @@ Run run(const std::function<void(HistogramFrame&, int)>& change) {
     frame.exposure_us = 50'000;
     for (int i = 0; i < 100; ++i) frame.counts.push_back(static_cast<std::uint32_t>(rng() % 20));
     change(frame, k);
-    if (!check.take(frame)) continue;
-    ++out.taken;
-    out.lost += frame.lost_before;
+    if (checked.check.take(frame)) ++out.taken, out.lost += frame.lost_before;
   }
+  out.events = checked.events;
   return out;
 }
 
@@ -72,62 +76,62 @@ TEST_CASE("mistakes of a histogramming board are reported once") {
   }
 }
 
-TEST_CASE("power in dB, ranges in other units and depths in metres are reported once") {
-  std::vector<std::string> events;
-  SampleCheck check(1.0, [&](Sensor, const std::string& text) { events.push_back(text); });
-  RadarFrame linear{}, db{};
-  for (int i = 0; i < 64; ++i) {
-    linear.power.push_back(i == 13 ? 1.0F : 0.01F);
-    db.power.push_back(10 * std::log10(linear.power.back()) + 60);
+TEST_CASE("power in dB, profiles of zeros and depths in metres are reported once") {
+  Checked linear, db;
+  for (int k = 0; k < 40; ++k) {
+    RadarFrame frame{}, frame_db{};
+    for (int i = 0; i < 64; ++i) {
+      frame.power.push_back(i == 13 ? 1.0F : 0.01F);
+      frame_db.power.push_back(10 * std::log10(frame.power.back()) + 60);
+    }
+    linear.check.take(frame), db.check.take(frame_db);
   }
-  SampleCheck other = check;
-  for (int k = 0; k < 40; ++k) check.take(linear);
-  CHECK(events.empty());
-  for (int k = 0; k < 40; ++k) other.take(db);
-  REQUIRE(events.size() == 1);
-  CHECK_THAT(events[0], Catch::Contains("are they in dB?"));
-  RadarFrame zeros{};
-  zeros.power.assign(64, 0);
-  for (int k = 0; k < 3; ++k) {
-    RadarFrame frame = zeros;
-    check.take(frame);
-    CHECK(frame.power.empty());
+  CHECK(linear.events.empty());
+  REQUIRE(db.events.size() == 1);
+  CHECK_THAT(db.events[0], Catch::Contains("are they in dB?"));
+  for (int k = 0; k < 20; ++k) {
+    RadarFrame zeros{};
+    zeros.power.assign(64, 0);
+    linear.check.take(zeros);
+    CHECK(zeros.power.empty());
+    DepthFrame map, millimetres;
+    map.depth_mm = {0, 0, 0, 2, 3, 3}, millimetres.depth_mm = {0, 0, 0, 19, 20, 20};
+    linear.check.take(map), db.check.take(millimetres);
   }
-  REQUIRE(events.size() == 2);
-  CHECK(events[1] == "all bins of a range profile are zero; such profiles are not used");
-  events.pop_back();
-  check.take(Axis{"radar", "power", "m", 64, 0, 0.25, 1});
-  CHECK(events.size() == 1);
-  SampleCheck other_axes = check;
-  check.take(Axis{"radar", "power", "m", 64, 0, 25, 1});
-  CHECK(events.at(1) == "the range profile ends at 1600 m; is its range step in metres?");
-  events.clear();
-  other_axes.take(Axis{"spd", "counts", "ps", 336, 13343, 100, 1});
-  other_axes.take(Axis{"depth_x", "tangent", "1", 32, -0.55, 0.034, 1});
-  other_axes.take(Axis{"depth_y", "tangent", "1", 32, 0.55, -0.034, 1});
-  CHECK(events.empty());
-  other_axes.take(Axis{"depth_x", "tangent", "1", 32, -28.8, 1.8, 1});
-  CHECK(events.at(0) ==
-        "the field of view contains the tangent 28.8, or 88.01 degrees from the optical axis; are "
-        "the tangents in degrees?");
-  other_axes.take(Axis{"spd", "counts", "ps", 336, 13.343, 0.1, 1});
-  CHECK(events.at(1) == "the histogram ends at 0.007037 m; are its bins in ps?");
-  Axis zones{"spd", "counts", "ps", 336, 13343, 100, 1};
-  zones.zones = {{-0.1, 0, 0.2, 0}, {0.1, 0, 0.2, 0}, {}, {}};
-  other_axes.take(zones);
-  CHECK(events.size() == 2);
-  zones.zones[1] = {-0.1, 0, 0.2, 90'000};
-  SampleCheck late_zero = check;
-  late_zero.take(zones);
-  CHECK(events.at(2) ==
-        "several zones have the direction x = -0.1, y = 0; check the list of zones");
-  CHECK(events.at(3) == "the histogram ends at -6.454 m; are its bins and zero_ps in ps?");
-  events.assign(2, "");
-  DepthFrame map;
-  map.depth_mm = {0, 0, 0, 2, 3, 3};
-  for (int k = 0; k < 20; ++k) check.take(map);
-  CHECK(events.size() == 3);
-  CHECK(events.at(2) == "depth map: its median is 3 mm; expected depths in millimetres");
+  CHECK(linear.events ==
+        std::vector<std::string>{"all bins of a range profile are zero; such profiles are not used",
+                                 "depth map: its median is 3 mm; expected depths in millimetres"});
+  CHECK(db.events.size() == 1);
+}
+
+TEST_CASE("axes in other units and zones with the same direction are reported") {
+  const Zones zones{{-0.1, 0, 0.2, 0}, {0.1, 0, 0.2, 0}, {}, {}};
+  Zones alike = zones;
+  alike[1] = {-0.1, 0, 0.2, 90'000};
+  const std::string bins = " m; are its bins in ps?";
+  const std::pair<Axis, std::vector<std::string>> rows[] = {
+      {range_axis("power", 64, 0, 4.6), {}},
+      {range_axis("power", 64, 0, 5),
+       {"the range profile ends at 320 m; is its range step in metres?"}},
+      {spd_axis(336, 13343, 100), {}},
+      {spd_axis(4, 0, 100), {}},
+      {spd_axis(3, 0, 100), {"the histogram ends at 0.04497" + bins}},
+      {spd_axis(336, 13343, 10'000), {"the histogram ends at 505.7" + bins}},
+      {tangent_axis("depth_x", 32, -2.9, 0.1), {}},
+      {tangent_axis("depth_y", 32, 0.55, -0.034), {}},
+      {tangent_axis("depth_x", 32, -28.8, 1.8),
+       {"the field of view contains the tangent 28.8, or 88.01 degrees from the optical axis; are "
+        "the tangents in degrees?"}},
+      {spd_axis(336, 13343, 100, zones), {}},
+      {spd_axis(336, 13343, 100, alike),
+       {"several zones have the direction x = -0.1, y = 0; check the list of zones",
+        "the histogram ends at -6.454 m; are its bins and zero_ps in ps?"}}};
+  for (const auto& [axis, events] : rows) {
+    CAPTURE(axis.name, axis.count, axis.step);
+    Checked checked;
+    checked.check.take(axis);
+    CHECK(checked.events == events);
+  }
 }
 
 TEST_CASE("a device clock that stands still or runs at another rate is reported for each sensor") {
@@ -135,34 +139,26 @@ TEST_CASE("a device clock that stands still or runs at another rate is reported 
                                        {1e-3, "runs at 1/1000 of the rate of the host clock"},
                                        {0.98, ""},
                                        {2.0, "runs at 2 times the rate of the host clock"}}) {
-    PerSensor<std::vector<std::string>> events;
-    SampleCheck check(1.0, [&](Sensor s, const std::string& text) { events[s].push_back(text); });
-    Rng rng(3);
+    Checked checked;
     for (int k = 0; k < 200; ++k) {
       const double at_s = 100 + 0.05 * k;
       HistogramFrame histogram;
+      // The counts fall and rise, so that they do not look like sums.
+      histogram.exposure_us = 50'000, histogram.counts.assign(10, k % 2 == 0);
       RadarFrame profile;
       DepthFrame map;
-      for (auto* frame : {&histogram.received, &profile.received, &map.received})
-        *frame = from_seconds(at_s);
-      histogram.exposure_us = 50'000;
-      for (int i = 0; i < 100; ++i)
-        histogram.counts.push_back(static_cast<std::uint32_t>(rng() % 20));
+      histogram.received = profile.received = map.received = from_seconds(at_s);
       histogram.device_time_us = map.device_time_us =
           static_cast<std::uint64_t>(std::llround(1e6 * factor * at_s));
       profile.time_cpu_cycles = static_cast<std::uint32_t>(
           static_cast<std::uint64_t>(std::llround(RadarFrame::clock_hz * factor * at_s)));
-      check.take(histogram);
-      check.take(profile);
-      check.take(map);
+      checked.check.take(histogram);
+      checked.check.take(profile);
+      checked.check.take(map);
     }
     CAPTURE(factor);
-    for (const auto& reported : events) {
-      CHECK(reported.size() == (*saying ? 1 : 0));
-      if (*saying)
-        CHECK(reported.at(0) == std::string("the device clock ") + saying +
-                                    "; check that its times are in us. Receipt times are used "
-                                    "instead");
-    }
+    const std::string text = std::string("the device clock ") + saying +
+                             "; check that its times are in us. Receipt times are used instead";
+    CHECK(checked.events == std::vector(*saying ? 3 : 0, text));
   }
 }

@@ -89,7 +89,7 @@ const std::vector<Verdicts> verdicts = {
 // clang-format on
 
 struct Device {
-  double offset_s, drift, tick_s;
+  double offset_s, drift, tick_s = 0;
   std::uint64_t at(double t) const {
     return static_cast<std::uint64_t>(std::llround((t * (1 + drift) + offset_s) / tick_s));
   }
@@ -185,10 +185,12 @@ TEST_CASE("samples, losses and clock fits of all devices are assigned to the exp
   for (const Verdicts& v : verdicts) {
     const auto& r = bench.records[static_cast<std::size_t>(v.record)];
     CAPTURE(v.record);
-    CHECK(r.index == v.record);
-    CHECK(r.sync[Sensor::spd].verdict.text() == v.spd);
-    CHECK(r.sync[Sensor::radar].verdict.text() == v.radar);
-    CHECK(r.sync[Sensor::depth].verdict.text() == v.depth);
+    CHECK((r.index == v.record && r.slot_start == grid.start(v.record)));
+    CHECK(r.slot_end == r.slot_start + grid.length);
+    for (const Sensor s : all_sensors) CHECK(r.has(s) == (verdict(r, s) == "ok"));
+    CHECK(std::vector{verdict(r, Sensor::spd), verdict(r, Sensor::radar),
+                      verdict(r, Sensor::depth)} ==
+          std::vector<std::string>{v.spd, v.radar, v.depth});
     CHECK(r.missing.bits() == v.missing);
     CHECK(r.spd_counts.tags == bench.expected[std::to_string(v.record)][0]);
     CHECK(r.sync[Sensor::radar].used == bench.expected[std::to_string(v.record)][1]);
@@ -208,15 +210,19 @@ TEST_CASE("samples, losses and clock fits of all devices are assigned to the exp
   CHECK(bench.records[1].sync[Sensor::radar].lost == 1 + 2);
   CHECK(bench.records[2].sync[Sensor::spd].lost == 3);
 
-  // The clock fits of the devices are stored with each record.
-  const auto& clocks = bench.records[2].clocks;
-  REQUIRE((clocks[Sensor::spd] && clocks[Sensor::radar] && clocks[Sensor::depth]));
-  CHECK(std::abs(clocks[Sensor::spd]->drift_ppm - 100) < 1);
-  CHECK(std::abs(clocks[Sensor::radar]->drift_ppm + 150) < 1);
-  CHECK(std::abs(clocks[Sensor::depth]->drift_ppm) < 1);
-  CHECK(std::abs(clocks[Sensor::spd]->offset_s - (-3 - 102.5 * 100e-6)) < 1e-4);
-  CHECK(std::abs(clocks[Sensor::depth]->offset_s + 1000) < 1e-4);
+  // The clock fits of the devices are stored with each record. They hold at the centre of the slot.
+  constexpr double centre_s = 102.5;
+  for (const auto& [sensor, device] : {std::pair{Sensor::spd, Device{3, 100e-6}},
+                                       {Sensor::radar, Device{-50, -150e-6}},
+                                       {Sensor::depth, Device{1000, 0}}}) {
+    const record::ClockState clock = bench.records[2].clocks[sensor].value();
+    CHECK(clock.drift_ppm == Approx(1e6 * device.drift).margin(1));
+    const double offset_s = -device.offset_s - centre_s * device.drift;
+    if (sensor != Sensor::radar)  // the radar's clock wraps
+      CHECK(clock.offset_s == Approx(offset_s).margin(1e-4));
+  }
   CHECK(bench.records[0].sync[Sensor::spd].span_s == Approx(0.998).margin(1e-5));
   CHECK(bench.records[0].sync[Sensor::depth].offset_s == Approx(-0.01).margin(1e-5));
+  CHECK(bench.records[0].sync[Sensor::radar].offset_s == Approx(0.12).margin(1e-5));
   CHECK_FALSE(bench.records[6].clocks[Sensor::radar]);  // the radar's clock restarted
 }

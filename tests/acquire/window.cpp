@@ -27,22 +27,13 @@ Windows make_windows(SensorSet configured = everything) {
 Tag start_at(std::int64_t ps) { return {.channel = 1, .time_ps = ps}; }
 Tag click_at(std::int64_t ps) { return {.channel = 2, .time_ps = ps}; }
 
-void feed(Windows& windows, HostTime received, const std::vector<Tag>& tags,
-          std::uint64_t lost_blocks = 0) {
-  windows.add(TagBlock{.received = received, .tags = tags, .lost_blocks = lost_blocks});
+void feed(Windows& windows, HostTime at, const std::vector<Tag>& tags, std::uint64_t lost = 0) {
+  windows.add(TagBlock{.received = at, .tags = tags, .lost_blocks = lost});
 }
 
 RadarFrame radar_frame(HostTime received, std::uint32_t number, std::vector<float> power) {
   RadarFrame f;
   f.received = received, f.frame_number = number, f.power = std::move(power);
-  return f;
-}
-
-DepthFrame depth_frame(HostTime received, std::uint32_t index, std::vector<std::uint16_t> mm,
-                       std::uint32_t width = 2) {
-  DepthFrame f;
-  f.received = received, f.frame_number = index, f.width = width, f.height = 1;
-  f.depth_mm = std::move(mm);
   return f;
 }
 
@@ -53,123 +44,76 @@ std::string spd_verdict(Windows& windows, std::int64_t slot) {
   return verdict(windows.close({slot, false}), Sensor::spd);
 }
 
-std::uint64_t parts(const TagCounts& c) {
-  return c.starts + c.in_range + c.out_of_range + c.without_start + c.other;
+// Returns all counts, so that different counts are printed.
+std::vector<std::uint64_t> all(const TagCounts& c) {
+  return {c.tags,      c.starts,  c.in_range,   c.out_of_range, c.without_start,
+          c.other,     c.missed,  c.errors,     c.overflows,    c.bad_tags,
+          c.backwards, c.removed, c.lost_blocks};
 }
 
 }  // namespace
 
-TEST_CASE("a record with data from all three sensors is complete") {
-  Windows windows = make_windows();
-  feed(windows, 10s, {start_at(0), click_at(150), click_at(250)});
-  feed(windows, 10s + 900ms, {start_at(10'000), click_at(10'199), click_at(99'999)});
-  windows.add(radar_frame(10s + 400ms, 1, {0, 256, 512, 1000}));
-  windows.add(depth_frame(10s + 100ms, 1, {1, 2}));
-  windows.add(depth_frame(10s + 550ms, 2, {3, 4}));
-  windows.add(depth_frame(10s + 900ms, 3, {5, 6}));
-  const auto r = windows.close({0, false});
-
-  CHECK(r.index == 0);
-  CHECK(r.slot_start == 10s);
-  CHECK(r.slot_end == 11s);
-  CHECK(r.valid == SensorSet::from_bits(7));
-  std::vector<std::uint32_t> expected(50, 0);
-  // Two clicks, 150 ps and 199 ps after a start, fall into the bin from 100 to 200 ps.
-  expected[1] = 2;
-  expected[2] = 1;
-  CHECK(counts(r) == expected);
-  CHECK(r.spd_counts.tags == 6);
-  CHECK(r.spd_counts.out_of_range == 1);
-  CHECK(sync(r, Sensor::spd).used == 3);
-  CHECK(sync(r, Sensor::spd).span_s == 0.9);
-  CHECK(sync(r, Sensor::spd).offset_s == Approx(-0.05));
-  CHECK(power(r) == std::vector<float>{0, 256, 512, 1000});  // a single frame is copied exactly
-  CHECK(sync(r, Sensor::radar).offset_s == Approx(-0.1));
-  // The record contains the frame nearest to 10.5 s, the centre of the slot.
-  CHECK(depth_mm(r) == std::vector<std::uint16_t>{3, 4});
-  CHECK(sync(r, Sensor::depth).offset_s == Approx(0.05));
-  for (const auto& s : r.sync) CHECK(s.verdict.text() == "ok");
-}
-
-TEST_CASE("the counts of a record account for click delay, dead time and damaged tags") {
-  auto settings = tdc_settings;
-  settings.click_delay_ps = 500;
-  settings.dead_time_ps = 100;
-  Windows windows(grid, settings, no_clocks, {Sensor::spd});
-  Tag unknown = start_at(2);
-  unknown.type = static_cast<TagType>(9);
-  // If the click delay of 500 ps were not added, the first click would precede its start tag.
-  feed(windows, 10s, {click_at(650), start_at(1'000), click_at(1'020), click_at(1'119), unknown});
-  feed(windows, 10s + 900ms, {start_at(5'000), start_at(4'000), click_at(5'100)});
-  const auto r = windows.close({0, false});
-  CHECK(counts(r).at(1) == 1);       // 650 ps + 500 ps delay - 1000 ps start = 150 ps
-  CHECK(counts(r).at(5) == 1);       // 1020 ps + 500 ps delay - 1000 ps start = 520 ps
-  CHECK(r.spd_counts.removed == 1);  // the click at 1119 ps is removed because it follows the click
-                                     // at 1020 ps by less than 100 ps
-  CHECK(r.spd_counts.bad_tags == 1);
-  // The tags are in order because they have been sorted by the filter.
-  CHECK(r.spd_counts.backwards == 0);
-  CHECK(r.spd_counts.tags == 8);
-  CHECK(parts(r.spd_counts) == r.spd_counts.tags);
-}
-
-TEST_CASE("slot boundaries are exact, and a start pulse remains valid across a boundary") {
-  Windows windows = make_windows({Sensor::spd});
-  feed(windows, 10s, {start_at(0)});
-  feed(windows, 11s - 1ns, {start_at(1'000)});
-  feed(windows, 11s, {click_at(1'050)});
-  feed(windows, 11s + 900ms, {start_at(2'000)});
-  CHECK(windows.close({0, false}).spd_counts.tags == 2);
-  const auto second = windows.close({1, false});
-  CHECK(second.spd_counts.in_range == 1);
-  CHECK(counts(second).at(0) == 1);
-}
-
-TEST_CASE("a click after a gap in the tags is not paired with a start before the gap") {
+TEST_CASE("a click is paired with a start in the previous slot, but not before a gap in the tags") {
   Windows windows = make_windows({Sensor::spd});
   feed(windows, 10s, {start_at(0)});
   feed(windows, 10s + 600ms, {click_at(50)}, 1);
-  const auto r = windows.close({0, false});
-  CHECK(r.spd_counts.without_start == 1);
-  CHECK(r.spd_counts.in_range == 0);
+  CHECK(all(windows.close({0, false}).spd_counts) ==
+        all({.tags = 2, .starts = 1, .without_start = 1, .lost_blocks = 1}));
+  feed(windows, 11s, {start_at(0)});
+  feed(windows, 10s, {start_at(1)});
+  feed(windows, 11s + 900ms, {click_at(2)});
+  CHECK(windows.close({1, false}).spd_counts.without_start == 1);
+  feed(windows, 12s, {start_at(3)});
+  feed(windows, 13s - 1ns, {start_at(1'000)});
+  feed(windows, 13s, {click_at(1'050)});
+  CHECK(windows.close({2, false}).spd_counts.tags == 2);
+  CHECK(windows.close({3, false}).spd_counts.in_range == 1);
 }
 
-TEST_CASE("a record contains the sum of the counts of two tag blocks") {
+TEST_CASE("the counts of a record are the sums of its tag blocks, with click delay and dead time") {
   auto settings = tdc_settings;
+  settings.click_delay_ps = 500;
   settings.dead_time_ps = 100;
   Windows windows(grid, settings, no_clocks, {Sensor::spd});
   const auto marker = [](TagType type, std::uint16_t missed = 0) {
     return Tag{.type = type, .missed_events = missed, .channel = 2, .time_ps = 9'000};
   };
   const auto part = [&](HostTime received, std::uint16_t missed) {
-    Tag unknown = start_at(9'000);
-    unknown.reserved = 1;
+    Tag unknown = start_at(9'000), reserved = unknown;
+    unknown.type = static_cast<TagType>(9), reserved.reserved = 1;
+    // If the click delay of 500 ps were not added, the click at 650 ps would precede its start. The
+    // click at 749 ps follows it by less than the dead time.
     feed(windows, received,
-         {click_at(0), start_at(1'000), click_at(1'020), click_at(1'050), click_at(8'000),
-          start_at(9'000), unknown, marker(TagType::missed_events, missed), marker(TagType::error),
+         {click_at(400), click_at(650), start_at(1'000), click_at(749), click_at(8'000),
+          start_at(9'000), start_at(8'900), unknown, reserved,
+          marker(TagType::missed_events, missed), marker(TagType::error),
           marker(TagType::overflow_begin), marker(TagType::overflow_end)});
   };
   part(10s, 20);
-  part(11s, 500);
+  part(11s, 1);
   part(10s + 900ms, 3);  // data of slot 0 that arrive after data of slot 1
   const record::FusedRecord r = windows.close({0, false});
-  const TagCounts& c = r.spd_counts;
-  CHECK(c.tags == 22);
-  CHECK(c.starts == 4);
-  CHECK(c.in_range == 2);
-  CHECK(c.out_of_range == 2);
-  CHECK(c.removed == 2);
-  CHECK(c.bad_tags == 2);
-  CHECK(c.missed == 23);
-  CHECK(c.overflows == 2);
-  CHECK(c.errors == 2);
+  CHECK(counts(r).at(1) == 2);  // 650 ps + 500 ps delay - 1000 ps start = 150 ps
+  // Tags in a block are sorted by the filter, but the second block of the slot starts earlier than
+  // the first block ends.
+  CHECK(all(r.spd_counts) == all({.tags = 26,
+                                  .starts = 6,
+                                  .in_range = 2,
+                                  .out_of_range = 2,
+                                  .without_start = 2,
+                                  .other = 14,
+                                  .missed = 23,
+                                  .overflows = 2,
+                                  .errors = 2,
+                                  .bad_tags = 4,
+                                  .backwards = 1,
+                                  .removed = 2}));
   CHECK(sync(r, Sensor::spd).lost == 23);
-  CHECK(parts(c) == c.tags);
-  CHECK(windows.close({1, false}).spd_counts.missed == 500);
+  // One missed event, but one overflow and one error, of which each loses a tag or more.
+  CHECK(sync(windows.close({1, false}), Sensor::spd).lost == 2);
 }
 
-TEST_CASE(
-    "the range profile of a record is the mean power over frames and subframes that have one") {
+TEST_CASE("the range profile of a record is the mean power over its frames and subframes") {
   Windows windows = make_windows({Sensor::radar});
   windows.add(radar_frame(10s, 0, {}));
   double sum = 0, count = 0;
@@ -193,7 +137,6 @@ TEST_CASE(
 
 TEST_CASE("a record contains the statistics and temperature of the last radar frame in its slot") {
   Windows windows = make_windows();
-  windows.announce(radar_of(4));
   RadarFrame frame = radar_frame(10s, 1, {1, 2, 3, 4});
   frame.stats = RadarStats{0, 7, 0, 0, 0, 0};
   windows.add(frame);
@@ -203,77 +146,62 @@ TEST_CASE("a record contains the statistics and temperature of the last radar fr
   windows.add(frame);
   windows.add(radar_frame(10s + 1ms, 3, {1, 2, 3, 4}));
   const record::FusedRecord r = windows.close({0, false});
-  REQUIRE(r.radar_stats);
-  CHECK(r.radar_stats->transmit_us == 8);
-  REQUIRE(r.radar_temperature);
-  CHECK(r.radar_temperature->celsius[0] == 44);
+  CHECK(r.radar_stats.value().transmit_us == 8);
+  CHECK(r.radar_temperature.value().celsius[0] == 44);
   CHECK_FALSE(windows.close({1, false}).radar_stats);
 }
 
 TEST_CASE("a sensor without usable data is invalid, and the record contains the reason") {
-  Windows windows = make_windows();
-  std::string spd = "no tags", radar = "no frames", depth = "no frames";
-  SECTION("a sensor that sends no data is invalid") {}
-  SECTION("a detector without start pulses from the laser is invalid") {
-    feed(windows, 10s, {click_at(0)});
-    spd = "no start tags: channel 1";
+  const Tag begin{.type = TagType::overflow_begin, .time_ps = 1},
+      end{.type = TagType::overflow_end, .time_ps = 4};
+  // Each row sends data in slot 0. The verdicts are "no tags" and "no frames" if they are empty.
+  struct Row {
+    std::function<void(Windows&)> send;
+    std::string spd, radar, depth;
+  };
+  const Row rows[] = {
+      {[](Windows&) {}, "", "", ""},
+      {[](Windows& w) { feed(w, 10s, {click_at(0)}); }, "no start tags: channel 1", "", ""},
+      {[&](Windows& w) {
+         for (const HostTime at : {HostTime(10s), HostTime(10s + 600ms)})
+           feed(w, at, {start_at(0), begin, start_at(2), click_at(3), end});
+       },
+       "in overflow: 2 overflows contain all clicks of the slot", "", ""},
+      {[](Windows& w) { feed(w, 10s, {start_at(0)}), feed(w, 10s + 499ms, {start_at(1)}); },
+       "covers only part: tags for 49 % of the slot", "", ""},
+      {[](Windows& w) {
+         w.add(radar_frame(10s, 1, {1, 2, 3}));
+         DepthFrame wide{.width = 3, .height = 1, .depth_mm = {1, 2, 3}};
+         wide.received = 10s;
+         w.add(wide);
+       },
+       "", "other axis: frames of 3 bins", "other axis: frames of 3 x 1"},
+      {[](Windows& w) { w.add(radar_frame(10s, 1, {})); }, "", "no range profile", ""},
+      {[](Windows& w) {
+         CHECK_FALSE(w.announce(radar_of(4, 0.25)));
+         w.add(radar_frame(10s, 1, {1, 2, 3, 4}));
+         CHECK(w.announce(radar_of(4)));
+       },
+       "", "other axis: differs from the one at the start of the run", ""}};
+  for (const auto& [send, spd, radar, depth] : rows) {
+    Windows windows = make_windows();
+    send(windows);
+    // Tags over half of the next slot are enough.
+    feed(windows, 11s, {start_at(2)}), feed(windows, 11s + 500ms, {start_at(3)});
+    const auto r = windows.close({0, false});
+    CHECK(r.valid == SensorSet());
+    CHECK((counts(r).empty() && power(r).empty() && depth_mm(r).empty()));
+    CHECK(verdict(r, Sensor::spd) == (spd.empty() ? "no tags" : spd));
+    CHECK(verdict(r, Sensor::radar) == (radar.empty() ? "no frames" : radar));
+    CHECK(verdict(r, Sensor::depth) == (depth.empty() ? "no frames" : depth));
+    CHECK(windows.close({1, false}).valid == SensorSet{Sensor::spd});
   }
-  SECTION("a detector with clicks only during overflows is invalid") {
-    for (const HostTime at : {HostTime(10s), HostTime(10s + 600ms)})
-      feed(windows, at,
-           {start_at(0),
-            {.type = TagType::overflow_begin, .time_ps = 1},
-            start_at(2),
-            click_at(3),
-            {.type = TagType::overflow_end, .time_ps = 4}});
-    spd = "in overflow: 2 overflows contain all clicks of the slot";
-  }
-  SECTION("a detector with tags over less than half of the slot is invalid") {
-    feed(windows, 10s, {start_at(0)});
-    feed(windows, 10s + 499ms, {start_at(1)});
-    spd = "covers only part: tags for 49 % of the slot";
-    feed(windows, 11s, {start_at(2)});
-    feed(windows, 11s + 500ms, {start_at(3)});
-  }
-  SECTION("a sensor that sends frames of the wrong size is invalid") {
-    windows.add(radar_frame(10s, 1, {1, 2, 3}));
-    windows.add(depth_frame(10s, 1, {1, 2, 3}, 3));
-    radar = "other axis: frames of 3 bins";
-    depth = "other axis: frames of 3 x 1";
-  }
-  SECTION("a radar that sends frames without a range profile is invalid") {
-    windows.add(radar_frame(10s, 1, {}));
-    radar = "no range profile";
-  }
-  SECTION("a radar that reconnects with a different axis is invalid") {
-    CHECK_FALSE(windows.announce(radar_of(4, 0.25)));
-    windows.add(radar_frame(10s, 1, {1, 2, 3, 4}));
-    radar = "other axis: differs from the one at the start of the run";
-    CHECK(windows.announce(radar_of(4)));
-  }
-  const auto r = windows.close({0, false});
-  CHECK(r.valid == SensorSet::from_bits(0));
-  CHECK((counts(r).empty() && power(r).empty() && depth_mm(r).empty()));
-  CHECK(verdict(r, Sensor::spd) == spd);
-  CHECK(verdict(r, Sensor::radar) == radar);
-  CHECK(verdict(r, Sensor::depth) == depth);
-  // Only the section that expects "tags cover ..." sends enough tags to make slot 1 valid.
-  CHECK(windows.close({1, false}).has(Sensor::spd) == spd.starts_with("covers only part"));
 }
 
 TEST_CASE("frames of a device that states neither a number nor a time are used") {
   Windows windows = make_windows();
   for (int k = 0; k < 20; ++k) windows.add(radar_frame(10s, 0, {1, 2, 3, 4}));
   CHECK(windows.close({0, false}).sync[Sensor::radar].used == 13);
-}
-
-TEST_CASE("a click is not paired with a start if tags outside open slots came between them") {
-  Windows windows = make_windows({Sensor::spd});
-  windows.close({0, false});
-  feed(windows, 11s, {start_at(0)});
-  feed(windows, 10s, {start_at(1)});
-  feed(windows, 11s + 900ms, {click_at(2)});
-  CHECK(windows.close({1, false}).spd_counts.without_start == 1);
 }
 
 TEST_CASE("a slot after a stall is complete if its tags span 90 % of its length") {
@@ -300,9 +228,8 @@ DeviceInfo board_info(double width_ps = 92.5) {
 }
 
 // Returns a histogram with an exposure time of 200 ms.
-HistogramFrame histogram(HostTime received, std::vector<std::uint32_t> counts,
-                         std::uint64_t lost = 0) {
-  return {.received = received,
+HistogramFrame histogram(HostTime end, std::vector<std::uint32_t> counts, std::uint64_t lost = 0) {
+  return {.received = end,
           .exposure_us = 200'000,
           .pulses = 1000,
           .counts = std::move(counts),
@@ -311,9 +238,7 @@ HistogramFrame histogram(HostTime received, std::vector<std::uint32_t> counts,
 
 }  // namespace
 
-TEST_CASE(
-    "a record contains the sum of all histograms with a mid-exposure time in the slot of the "
-    "record") {
+TEST_CASE("a record contains the sum of the histograms with mid-exposure in its slot") {
   Windows windows = make_windows();
   REQUIRE(windows.announce(board_info()));
   CHECK(same_axis(windows.axes().front(), board_info().axes[0]));
@@ -326,11 +251,9 @@ TEST_CASE(
   // The middle of the exposure is at 11.05 s, in slot 1.
   windows.add(histogram(11s + 150ms, {7, 7, 7}));
   const auto r = windows.close({0, false});
-  CHECK(r.has(Sensor::spd));
   CHECK(counts(r) == std::vector<std::uint32_t>{16, 27, UINT32_MAX});
-  CHECK(r.spd_counts.starts == 3000);
-  CHECK(r.spd_counts.in_range == 8'000'000'046);
-  CHECK(parts(r.spd_counts) == r.spd_counts.tags);
+  CHECK(all(r.spd_counts) ==
+        all({.tags = 8'000'003'046, .starts = 3000, .in_range = 8'000'000'046}));
   CHECK(sync(r, Sensor::spd).lost == 2);
   CHECK(sync(r, Sensor::spd).span_s == Approx(1.1));
   CHECK(windows.unassigned().early[Sensor::spd] == 1100);
@@ -362,19 +285,16 @@ TEST_CASE("histograms are not used after a counting board reconnects with differ
   }
   windows.announce(board_info(100));
   const auto mixed = windows.close({1, false});
-  CHECK(mixed.has(Sensor::spd));
   CHECK(counts(mixed) == std::vector<std::uint32_t>{2, 2, 2});
   CHECK(sync(mixed, Sensor::spd).lost == 1);
 }
 
-TEST_CASE("histograms are not used after a detector reconnects with different zones") {
+TEST_CASE("histograms of a detector with zones are summed, and other zones are other axes") {
   Windows windows = make_windows();
   DeviceInfo info = board_info();
   info.axes[0].zones = {{0, 0, 0.2, 0}, {0.2, 0, 0.2, 0}};
   REQUIRE(windows.announce(info));
-  CHECK(windows.axes()[0].zones == info.axes[0].zones);
   for (const auto end : {10s + 300ms, 10s + 900ms}) windows.add(histogram(end, {1, 2, 3, 4, 5, 6}));
   CHECK(counts(windows.close({0, false})) == std::vector<std::uint32_t>{2, 4, 6, 8, 10, 12});
   CHECK_FALSE(windows.announce(board_info()));
-  CHECK(windows.announce(info));
 }
