@@ -3,7 +3,7 @@
 // udev.
 #include <unistd.h>
 
-#include "acquire/doctor/doctor.hpp"
+#include "captured.hpp"
 #include "testing.hpp"
 
 using namespace echofuse::acquire;
@@ -37,9 +37,13 @@ class Machine {
       write("dev/" + name, "");
     }
   }
-  void start_modem_manager() {
-    write("proc/41/comm", "init\n");
-    write("proc/42/comm", "ModemManager\n");
+  // Checks the only finding of check_permissions() with this name.
+  void check(const std::string& name, Grade grade, const std::string& words,
+             const std::optional<Config>& config = {}) const {
+    auto findings = check_permissions(config, roots());
+    std::erase_if(findings, [&](const Finding& f) { return f.check != name; });
+    REQUIRE(findings.size() == 1);
+    check_finding(findings[0], grade, words);
   }
 
  private:
@@ -48,91 +52,69 @@ class Machine {
 
 Config with_radar(const std::string& cli) {
   Config config;
-  config.radar.cli = cli;
+  config.radar.cli = "serial:" + cli;
   return config;
-}
-
-const Finding& of(const std::vector<Finding>& findings, const std::string& check) {
-  for (const Finding& finding : findings)
-    if (finding.check == check) return finding;
-  throw std::runtime_error("no finding about " + check);
 }
 
 }  // namespace
 
 TEST_CASE("the doctor command reports no problem on a machine without devices") {
   const Machine machine;
-  const auto findings = check_permissions(std::nullopt, machine.roots());
-  CHECK(findings.size() == 2);
-  CHECK(of(findings, "permissions").grade == Grade::ok);
-  CHECK(of(findings, "udev rules").grade == Grade::ok);
-  CHECK(check_modem_manager(std::nullopt, machine.roots()).found == "not running");
-  CHECK(check_usb_memory(std::nullopt, machine.roots()).grade == Grade::ok);
+  CHECK(check_permissions({}, machine.roots()).size() == 2);
+  machine.check("permissions", Grade::ok, "no device node to check");
+  machine.check("udev rules", Grade::ok, "is not installed, and no attached device needs it");
+  check_finding(check_modem_manager({}, machine.roots()), Grade::ok, "not running");
+  check_finding(check_usb_memory({}, machine.roots()), Grade::ok);
 }
 
 TEST_CASE("the doctor command accepts accessible device nodes and reports missing udev rules") {
   Machine machine;
   machine.plug_in_radar();
-  auto findings = check_permissions(std::nullopt, machine.roots());
-  CHECK(of(findings, "permissions").found == "2 device nodes can be opened");
-  CHECK(of(findings, "udev rules").grade == Grade::warning);
-  CHECK(has(of(findings, "udev rules").advice, "config/70-echofuse.rules"));
+  machine.check("permissions", Grade::ok, "2 device nodes can be opened");
+  machine.check("udev rules", Grade::warning, "config/70-echofuse.rules");
   const std::string place = GENERATE("etc", "lib");
   machine.write(place + "/udev/rules.d/70-echofuse.rules", "");
-  findings = check_permissions(std::nullopt, machine.roots());
-  CHECK(of(findings, "udev rules").grade == Grade::ok);
+  machine.check("udev rules", Grade::ok, "is installed");
 }
 
 TEST_CASE("doctor rates a missing device node as a problem only if the device is configured") {
   Machine machine;
+  const std::string gone = machine / "dev/ttyACM0";
+  // A radar port of an unknown vendor. A missing device is not a permission problem.
+  machine.check("permissions", Grade::problem,
+                gone + ": No such file or directory; check the cable and the configured name",
+                with_radar(gone));
   machine.plug_in_radar();
-  fs::remove(machine / "dev/ttyACM0");
-  const auto grade = [&](const std::optional<Config>& config) {
-    return of(check_permissions(config, machine.roots()), "permissions").grade;
-  };
-  CHECK(grade(std::nullopt) == Grade::warning);
-  CHECK(grade(with_radar("serial:" + machine / "dev/ttyACM1")) == Grade::warning);
-  CHECK(grade(with_radar("serial:" + machine / "dev/ttyACM0")) == Grade::problem);
+  fs::remove(gone);
+  machine.check("permissions", Grade::warning, "check the cable and the configured name");
+  machine.check("permissions", Grade::warning, "", with_radar(machine / "dev/ttyACM1"));
+  machine.check("permissions", Grade::problem, "", with_radar(gone));
 }
 
 TEST_CASE("the doctor command names devices that the kernel may suspend") {
   Machine machine;
   machine.plug_in_radar();
   machine.write("dev/ttyS7", "");
-  const auto finding = [&] {
-    return check_usb_power(with_radar("serial:" + machine / "dev/ttyS7"), machine.roots());
+  const std::string place = "sys/bus/usb/devices/1-2/", radar = machine / "dev/ttyACM0";
+  const auto check = [&](Grade grade, const std::string& words) {
+    check_finding(check_usb_power(with_radar(machine / "dev/ttyS7"), machine.roots()), grade,
+                  words);
   };
-  CHECK(finding().grade == Grade::ok);
-  const std::string control = "sys/bus/usb/devices/1-2/power/control";
-  machine.write(control, "on\n");
-  CHECK(finding().grade == Grade::ok);
-  machine.write(control, "auto\n");
-  CHECK(finding().grade == Grade::warning);
-  CHECK(has(finding().found, machine / "dev/ttyACM0"));
-  CHECK(has(finding().found, machine / "dev/ttyACM1"));
-  CHECK_FALSE(has(finding().found, "ttyS7"));
-  CHECK(has(finding().advice, "echo on | tee " + machine / control));
-  machine.write("sys/bus/usb/devices/1-2/idVendor", "0403\n");  // not a kind that echofuse supports
-  CHECK(finding().grade == Grade::ok);
-  const auto configured = with_radar("serial:" + machine / "dev/ttyACM0");
-  CHECK(check_usb_power(configured, machine.roots()).grade == Grade::warning);
+  check(Grade::ok, "no device may be suspended");
+  machine.write(place + "power/control", "on\n");
+  check(Grade::ok, "no device may be suspended");
+  machine.write(place + "power/control", "auto\n");
+  check(Grade::warning, radar + ", " + machine / "dev/ttyACM1" + " may be suspended while idle");
+  check(Grade::warning, "echo on | tee " + machine / (place + "power/control"));
+  machine.write(place + "idVendor", "0403\n");  // not a kind that echofuse supports
+  check(Grade::ok, "");
+  check_finding(check_usb_power(with_radar(radar), machine.roots()), Grade::warning,
+                radar + " may");
 }
 
 TEST_CASE("the doctor command warns of a limit below 64 open files") {
-  CHECK(check_open_files(64).grade == Grade::ok);
-  CHECK(check_open_files(63).grade == Grade::warning);
-  CHECK(has(check_open_files(16).found, "at most 16 files (expected at least 64)"));
-}
-
-TEST_CASE("the doctor command checks a configured radar port of an unknown vendor") {
-  const Machine machine;
-  const auto findings =
-      check_permissions(with_radar("serial:" + machine / "dev/ttyS7"), machine.roots());
-  CHECK(of(findings, "permissions").grade == Grade::problem);
-  CHECK(has(of(findings, "permissions").found, "dev/ttyS7: No such file or directory"));
-  // A missing device is not a permission problem.
-  CHECK(has(of(findings, "permissions").advice, "check the cable and the configured name"));
-  CHECK_FALSE(has(of(findings, "permissions").advice, "rules"));
+  check_finding(check_open_files(64), Grade::ok);
+  check_finding(check_open_files(63), Grade::warning, "at most 63 files (expected at least 64)");
 }
 
 TEST_CASE("doctor names the missing udev rule or group for an inaccessible device node") {
@@ -140,58 +122,55 @@ TEST_CASE("doctor names the missing udev rule or group for an inaccessible devic
   Machine machine;
   machine.plug_in_radar();
   fs::permissions(machine / "dev/ttyACM0", fs::perms::none);
-  const auto advice = [&] {
-    return of(check_permissions(std::nullopt, machine.roots()), "permissions").advice;
-  };
-  CHECK(has(advice(), "install config/70-echofuse.rules"));
+  machine.check("permissions", Grade::warning, "install config/70-echofuse.rules");
   // The missing udev rules are already reported by the finding "permissions", so they are not
   // reported twice.
-  for (const auto& finding : check_permissions(std::nullopt, machine.roots()))
-    CHECK(finding.check != "udev rules");
+  CHECK(check_permissions({}, machine.roots()).size() == 1);
   machine.write("etc/udev/rules.d/70-echofuse.rules", "");
-  CHECK(has(advice(), "check that this user is in the groups dialout"));
+  machine.check("permissions", Grade::warning, "check that this user is in the groups dialout");
 }
 
 TEST_CASE("the doctor command warns of ModemManager unless udev rules exclude the port") {
   Machine machine;
   machine.plug_in_radar();
-  CHECK(check_modem_manager(std::nullopt, machine.roots()).grade == Grade::ok);
-  machine.start_modem_manager();
-  const auto found = check_modem_manager(std::nullopt, machine.roots());
-  CHECK(found.grade == Grade::warning);
-  CHECK(has(found.found, machine / "dev/ttyACM0 " + machine / "dev/ttyACM1"));
+  const auto check = [&](Grade grade, const std::string& words) {
+    check_finding(check_modem_manager({}, machine.roots()), grade, words);
+  };
+  check(Grade::ok, "not running");
+  machine.write("proc/41/comm", "init\n");
+  machine.write("proc/42/comm", "ModemManager\n");
+  const std::string probes = "running, and probes ", second = machine / "dev/ttyACM1 when";
+  check(Grade::warning, probes + machine / "dev/ttyACM0 " + second);
   machine.write("run/udev/data/c166:0", "S:serial/by-id/x\nE:ID_MM_DEVICE_IGNORE=1\n");
-  const auto half = check_modem_manager(std::nullopt, machine.roots());
-  CHECK(half.grade == Grade::warning);
-  CHECK_FALSE(has(half.found, "ttyACM0"));
+  check(Grade::warning, probes + second);
   machine.write("run/udev/data/c166:3", "E:ID_MM_DEVICE_IGNORE=1\n");
-  CHECK(check_modem_manager(std::nullopt, machine.roots()).grade == Grade::ok);
+  check(Grade::ok, "running, but ignores the serial ports of the radar");
 }
 
 TEST_CASE("doctor compares the kernel's USB memory limit with the buffer of the time tagger") {
   Machine machine;
   Config config;
   config.tdc.address = "usb:1209:0001";
-  const auto grade_at = [&](const std::string& limit) {
-    machine.write("sys/module/usbcore/parameters/usbfs_memory_mb", limit + "\n");
-    return check_usb_memory(config, machine.roots()).grade;
+  const auto check = [&](Grade grade, const std::string& words) {
+    check_finding(check_usb_memory(config, machine.roots()), grade, words);
   };
-  // The file that contains the kernel's USB memory limit does not exist yet.
-  CHECK(check_usb_memory(config, machine.roots()).grade == Grade::warning);
-  CHECK(grade_at("16") == Grade::ok);
-  CHECK(grade_at("0") == Grade::ok);  // the value 0 means no limit
-  CHECK(grade_at("2") == Grade::ok);
-  CHECK(grade_at("1") == Grade::problem);
-  CHECK(has(check_usb_memory(config, machine.roots()).advice, "usbfs_memory_mb"));
+  check(Grade::warning, "limit unknown");
+  for (const auto& [limit, grade, words] :
+       {std::tuple("16", Grade::ok, "is 16; the time tagger's ring buffer needs 2 MiB"),
+        {"0", Grade::ok, "is 0 (no limit)"},
+        {"2", Grade::ok, ""},
+        {"1", Grade::problem, "usbfs_memory_mb"}}) {
+    machine.write("sys/module/usbcore/parameters/usbfs_memory_mb", std::string(limit) + "\n");
+    check(grade, words);
+  }
   config.tdc.address = "bridge:tcp://h:1";
-  CHECK(grade_at("1") == Grade::ok);
+  check(Grade::ok, "");
 }
 
 TEST_CASE("the doctor command reports whether the system clock is synchronised") {
-  CHECK(check_clock({true, true, 0.01}).grade == Grade::ok);
-  CHECK(check_clock({true, true, 0.5}).grade == Grade::warning);
-  CHECK(check_clock({true, false, 16}).grade == Grade::warning);
-  CHECK(has(check_clock({true, false, 16}).found, "not synchronised, maximum error 16 s"));
-  CHECK(check_clock({}).grade == Grade::warning);
+  check_finding(check_clock({true, true, 0.1}), Grade::ok);
+  check_finding(check_clock({true, true, 0.11}), Grade::warning);
+  check_finding(check_clock({true, false, 16}), Grade::warning, "not synchronised, maximum error");
+  check_finding(check_clock({}), Grade::warning, "synchronisation unknown");
   CHECK(read_clock().readable);
 }
