@@ -24,15 +24,13 @@ TEST_CASE("the shipped configuration and its radar cfg can be loaded") {
   CHECK(has(config.text, "# Configuration of the daemon"));
   CHECK(has(config.resolved, "window_s = 0.5"));
   // The template has placeholders instead of serial numbers in radar.cli and radar.data.
+  const std::string lab = source_dir + "/config/lab.toml", why = "still contains the template's";
   REQUIRE(config.unfinished.size() == 2);
-  CHECK(has(config.unfinished[0],
-            "config/lab.toml:39:1: radar.cli: still contains the template's XXX"));
-  CHECK(has(config.unfinished[1],
-            "config/lab.toml:40:1: radar.data: still contains the template's XXX"));
+  CHECK_THAT(config.unfinished[0], Catch::StartsWith(lab + ":39:1: radar.cli: " + why));
+  CHECK_THAT(config.unfinished[1], Catch::StartsWith(lab + ":40:1: radar.data: " + why));
 }
 
-TEST_CASE(
-    "a missing alert.on_doubt program is reported with line and column, and loading continues") {
+TEST_CASE("a missing alert.on_doubt program is reported with its line, and loading continues") {
   const Folder folder;
   const std::string path = folder / "a.toml";
   write_file(path, "[depth]\naddress = \"openni:\"\n[alert]\non_doubt = [\"./alert\", \"lab\"]\n");
@@ -44,8 +42,6 @@ TEST_CASE(
   CHECK(load_config(path).unfinished.size() == 1);  // the program exists but is not executable
   fs::permissions(folder / "alert", fs::perms::owner_all);
   CHECK(load_config(path).unfinished.empty());
-  CHECK(load_config(path, {"alert.on_doubt=[\"sh\"]"}).unfinished.empty());
-
   // A name without a folder is searched in the folder of the configuration before PATH.
   const auto program = [&](const std::string& name) {
     return load_config(path, {"alert.on_doubt=[\"" + name + "\"]"}).on_doubt[0];
@@ -59,9 +55,8 @@ TEST_CASE(
 TEST_CASE("a configuration that is printed with all values is unchanged when it is loaded again") {
   const Folder folder;
   write_file(folder / "a.toml",
-             "[depth]\naddress = \"openni:\"\nmap_size = 256\nmap_half_tangent = "
-             "0.3\n[tdc]\nclick_channel = 7\n"
-             "click_delay_ps = -6\ndead_time_ps = 22000\n");
+             "[depth]\naddress = 'openni:'\nmap_size = 256\nmap_half_tangent = 0.3\n"
+             "[tdc]\nclick_channel = 7\nclick_delay_ps = -6\ndead_time_ps = 22000\n");
   const Config once = load_config(folder / "a.toml");
   CHECK(once.configured() == SensorSet::from_bits(4));
   write_file(folder / "b.toml", once.resolved);
@@ -74,18 +69,6 @@ TEST_CASE("a configuration that is printed with all values is unchanged when it 
   CHECK(has(refusal(folder / "a.toml", {"depth.map_size=257"}), "depth.map_size"));
 }
 
-TEST_CASE("the configuration loader reports all errors together, with line and column") {
-  const Folder folder;
-  const std::string path = folder / "a.toml";
-  write_file(path, "[run]\nwindow = 3\n[tdc]\nbins = \"many\"\n[depth]\naddres = \"openni:\"\n");
-  const std::string text = refusal(path);
-  CHECK(has(
-      text,
-      path + ":2:1: unknown key \"run.window\"; the most similar known name is \"run.window_s\""));
-  CHECK(has(text, path + ":4:1: tdc.bins = 'many' is not valid; expected a whole number"));
-  CHECK(has(text, path + ":6:1: unknown key \"depth.addres\""));
-}
-
 TEST_CASE("the configuration loader refuses keys that are not valid or not consistent") {
   // In the words, @ is the path of the configuration, and & that of its folder with a slash.
   struct Refused {
@@ -93,10 +76,14 @@ TEST_CASE("the configuration loader refuses keys that are not valid or not consi
     std::vector<std::string> sets, words;
   };
   const std::string tdc = "[tdc]\naddress = 'bridge:tcp://h:1'\n", camera = "[depth]\naddress = ",
-                    radar = "[radar]\ncli = 'serial:/a'\ndata = 'serial:/b'\ncfg = 'r.cfg'\n",
                     bridged = "[radar]\naddress = 'bridge:tcp://h:1'\n";
   const Refused refused[] = {
       {"", {}, {"@: no device is configured; expected at least one of tdc.address"}},
+      {"[run]\nwindow = 3\n[tdc]\nbins = 'many'\n[depth]\naddres = 'openni:'\n",
+       {},
+       {"@:2:1: unknown key \"run.window\"; the most similar known name is \"run.window_s\"",
+        "@:4:1: tdc.bins = 'many' is not valid; expected a whole number",
+        "@:6:1: unknown key \"depth.addres\""}},
       {"\n[radar]\ncli = ''\n", {}, {"@:3:1: radar.cli: no device is configured; expected"}},
       {"[tdc]\naddress = 'openni:'\n[radar]\ncli = 'bridge:tcp://h:1'\ndata = 'hid:10c4:ea80'\n"
        "cfg = 'r.cfg'\ndata_baud = 200\n",
@@ -119,16 +106,15 @@ TEST_CASE("the configuration loader refuses keys that are not valid or not consi
        {"radar.cli=serial:/a", "radar.data=serial:/b"},
        {"@:2:1: radar.address: radar.address cannot be combined with radar.cli and"}},
       {bridged, {"radar.address=usb:1234:5678"}, {"expected the address of a radar: bridge:tcp:"}},
-      {radar, {}, {"&r.cfg: cannot read"}},
       {tdc + "click_channel = 1\n",
        {},
        {"@:3:1: tdc.click_channel: start and click have the same channel 1"}},
       {camera + "'openni:'\n",
        {"radar.policy=required"},
        {"--set radar.policy=required: the sensor is required, but radar.cli is empty"}},
-      {camera + "'openni:'\n", {"tdc.policy=must"}, {"\"optional\" \"required\""}},
-      {camera + "'openni:'\n", {"tdc.bin=3"}, {"most similar known name is \"tdc.bins\""}},
-      {camera + "'openni:'\n", {"tdc.bins=0"}, {"expected a whole number from 1"}},
+      {camera + "'openni:'\n",
+       {"tdc.policy=must", "tdc.bins=0"},
+       {"\"optional\" \"required\"", "expected a whole number from 1"}},
       {camera + "'openni:'\n",
        {"run.calibration=no.toml"},
        {"--set run.calibration=no.toml: &no.toml: cannot read: No such file or directory"}},

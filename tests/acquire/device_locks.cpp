@@ -6,7 +6,6 @@
 #include "../fixtures/folder.hpp"
 
 using namespace echofuse::acquire;
-using Catch::Contains;
 namespace fs = std::filesystem;
 
 namespace {
@@ -29,33 +28,29 @@ Config tagger_at(const std::string& address) {
 TEST_CASE("a device lock names its holder and is released when the holder exits") {
   const Locks locks;
   const Config config = tagger_at("bridge:tcp://h:1");
-  const std::string path = locks / lock_name(config.tdc.address), run = "/data/a b\n.sqlite";
+  const std::string run = "/data/a b\n.sqlite";
   {
     const DeviceLocks held(config, "run", run);
     CHECK_FALSE(held.other(Sensor::spd));
     for (int i = 0; i < 3; ++i) {
-      const DeviceLocks refused(config, "devices");
-      REQUIRE(refused.other(Sensor::spd));
-      CHECK_THAT(refused.other(Sensor::spd)->who, Catch::StartsWith("echofuse-acquire run, pid ") &&
-                                                      Catch::EndsWith(", run /data/a b\\n.sqlite"));
-      CHECK(refused.other(Sensor::spd)->run == run);
+      const auto other = DeviceLocks(config, "devices").other(Sensor::spd).value();
+      CHECK_THAT(other.who, Catch::StartsWith("echofuse-acquire run, pid ") &&
+                                Catch::EndsWith(", run /data/a b\\n.sqlite"));
+      CHECK(other.run == run);
     }
     held.write("run", "/data/next.sqlite");
     CHECK(DeviceLocks(config, "devices").other(Sensor::spd)->run == "/data/next.sqlite");
     CHECK_FALSE(DeviceLocks(tagger_at("bridge:tcp://h:2"), "run").other(Sensor::spd));
   }
-  CHECK(fs::is_empty(path));
+  CHECK(fs::is_empty(locks / lock_name(config.tdc.address)));
   const DeviceLocks again(config, "devices");
   CHECK_FALSE(again.other(Sensor::spd));
   CHECK(DeviceLocks(config, "run").other(Sensor::spd)->run.empty());
-}
-
-TEST_CASE("an invalid lock file is reported as a device fault") {
-  const Locks locks;
-  const Config config = tagger_at("bridge:tcp://h:1");
-  std::ofstream(locks / lock_name(config.tdc.address)) << "precious";
-  CHECK_THAT(test::refusal_by([&] { DeviceLocks(config, "run"); }, ExitCode::device),
-             Catch::StartsWith("the device lock ") && Contains("is not an echofuse lock file"));
+  const Config other = tagger_at("bridge:tcp://h:3");
+  std::ofstream(locks / lock_name(other.tdc.address)) << "precious";
+  const std::string text = test::check_error(ExitCode::device, "is not an echofuse lock file",
+                                             [&] { DeviceLocks(other, "run"); });
+  CHECK_THAT(text, Catch::StartsWith("the device lock "));
 }
 
 TEST_CASE("the file name of a device lock depends on the device address") {

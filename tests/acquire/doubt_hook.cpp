@@ -10,45 +10,40 @@ using namespace std::chrono_literals;
 
 namespace {
 
+constexpr SensorSet both{Sensor::spd, Sensor::radar};
+
 // Returns the fused record of a 1 s slot. An empty `radar_verdict` means that the slot has no radar
 // data.
 record::FusedRecord record_of(std::int64_t index, const std::string& radar_verdict) {
   record::FusedRecord r;
   r.index = index;
   r.slot_start = index * 1s, r.slot_end = r.slot_start + 1s;
-  r.valid = {Sensor::spd};
-  r.sync[Sensor::spd].verdict = test::verdict_of("ok");
-  r.sync[Sensor::radar].verdict =
-      test::verdict_of(radar_verdict.empty() ? std::string("no frames") : radar_verdict);
-  if (!radar_verdict.empty()) r.valid.insert(Sensor::radar);
+  r.valid = both;
+  test::set_verdict(r, Sensor::spd, "ok"), test::set_verdict(r, Sensor::radar, radar_verdict);
+  if (radar_verdict.empty()) test::lose(r, Sensor::radar, "no frames");
   return r;
 }
 
-constexpr SensorSet both{Sensor::spd, Sensor::radar};
-
-// Alert hook that runs a program. Each run of the program appends a line to a file.
+// Alert hook that runs a shell script, which appends its environment to a file.
 struct Calls {
-  explicit Calls(const record::AlertLimits& limits = {}, const std::string& program = {})
-      : hook({"sh", "-c",
-              program.empty() ? "echo \"$ECHOFUSE_SOURCE $ECHOFUSE_DOUBT $ECHOFUSE_RECORD "
-                                "$ECHOFUSE_TEXT $ECHOFUSE_RUN $1\" >>'" +
-                                    file + "'"
-                              : program,
-              "sh", "two  words; $(id)"},
-             limits, [this](const std::string& text) { warnings.push_back(text); }) {}
+  explicit Calls(const record::AlertLimits& limits = {}, const std::string& script = {})
+      : hook({"sh", "-c", script.empty() ? report : script, file, "two  words; $(id)"}, limits,
+             [this](const std::string& text) { warnings.push_back(text); }) {}
+  // Sends the records of a run, one per verdict of the radar.
+  void send(const std::vector<std::string>& verdicts) {
+    for (std::size_t i = 0; i < verdicts.size(); ++i)
+      hook.take(record_of(static_cast<std::int64_t>(i), verdicts[i]), both, "/runs/a");
+  }
   // Updates the hook at the virtual time `now` until all waiting programs have had time to finish.
-  void finish(HostTime now = 0s) {
+  void update(HostTime now) {
     for (int i = 0; i < 100; ++i) {
       hook.update(now);
       std::this_thread::sleep_for(2ms);
     }
   }
-  std::vector<std::string> lines() const {
-    std::ifstream in(file);
-    std::vector<std::string> out;
-    for (std::string line; std::getline(in, line);) out.push_back(line);
-    return out;
-  }
+  static constexpr const char* report =
+      "echo \"$ECHOFUSE_SOURCE $ECHOFUSE_DOUBT $ECHOFUSE_RECORD $ECHOFUSE_TEXT $ECHOFUSE_RUN "
+      "$ECHOFUSE_UTC $1\" >>\"$0\"";
   test::Folder folder;
   std::string file = folder / "calls";
   std::vector<std::string> warnings;
@@ -57,108 +52,80 @@ struct Calls {
 
 }  // namespace
 
-TEST_CASE("the on_doubt alert program is called once per change of verdict, without a shell") {
-  Calls calls;
-  const char* verdicts[] = {"ok", "weak: 3 clicks", "weak: 4 clicks", "", "ok"};
-  for (std::int64_t i = 0; i < 5; ++i) {
-    calls.hook.take(record_of(i, verdicts[i]), both, "/runs/a.sqlite");
-    calls.finish();
-  }
-  CHECK(calls.lines() ==
-        std::vector<std::string>{"radar weak 1 weak: 3 clicks /runs/a.sqlite two  words; $(id)",
-                                 "radar no data 3 no frames /runs/a.sqlite two  words; $(id)",
-                                 "radar ok 4 ok /runs/a.sqlite two  words; $(id)"});
-  CHECK(calls.warnings.empty());
+TEST_CASE("the on_doubt program is called once per lasting change of verdict, without a shell") {
+  // Each row contains a time limit, the verdicts of the radar, and the expected calls.
+  struct Row {
+    double after_s;
+    std::vector<std::string> verdicts, calls;
+  };
+  const auto [after_s, verdicts, calls] =
+      GENERATE(Row{0,
+                   {"ok", "weak: 3 clicks", "weak: 4 clicks", "", "ok"},
+                   {"radar weak 1 weak: 3 clicks", "radar no data 3 no frames", "radar ok 4 ok"}},
+               Row{2.5, {"ok", "", "", "", ""}, {"radar no data 3 no frames"}},
+               Row{2, {"", "", "", ""}, {"radar no data 1 no frames"}},
+               // a signal near a limit, which then gets worse
+               Row{2, {"ok", "weak: 1", "ok", "weak: 1", "ok"}, {}},
+               Row{2,
+                   {"weak: 1", "ok", "weak: 1", "lossy: 60 %", "weak: 1", "lossy: 60 %"},
+                   {"radar lossy 3 lossy: 60 %"}});
+  Calls alert({.after_s = after_s});
+  alert.send(verdicts);
+  alert.hook.finish(0s);
+  std::string expected;
+  for (const std::string& call : calls)
+    expected += call + " /runs/a 1970-01-01T00:00:00.000Z two  words; $(id)\n";
+  CHECK(test::contents(alert.file) == expected);
+  CHECK(alert.warnings.empty());
 }
 
-TEST_CASE(
-    "the on_doubt program is called after a set time without data, or if free disk space falls "
-    "below a set limit") {
-  Calls calls({.after_s = 2.5, .disk_free_gb = 1});
-  for (std::int64_t i = 0; i < 5; ++i) {
-    calls.hook.take(record_of(i, i == 0 ? "ok" : ""), both, "/runs/a");
-    calls.hook.take_disk(i < 4 ? 1'000'000'000 : 999'000'000, {}, "/runs/a");
-  }
-  calls.finish();
-  CHECK(calls.lines() ==
-        std::vector<std::string>{"radar no data 3 no frames /runs/a two  words; $(id)",
-                                 "disk low  999 MB free, limit 1.0 GB /runs/a two  words; $(id)"});
+TEST_CASE("the on_doubt program is called if the free disk space crosses its limit") {
+  Calls calls({.disk_free_gb = 1});
+  for (const std::uint64_t free : {1'000'000'000u, 999'000'000u, 998'000'000u, 2'000'000'000u})
+    calls.hook.take_disk(free, 0s, "/runs/a");
+  calls.hook.take_disk({}, 0s, "/runs/a");
+  calls.hook.finish(0s);
+  const std::string end = " /runs/a 1970-01-01T00:00:00.000Z two  words; $(id)\n";
+  CHECK(test::contents(calls.file) ==
+        "disk low  999 MB free, limit 1.0 GB" + end + "disk ok  2.0 GB free, limit 1.0 GB" + end);
 }
 
-TEST_CASE(
-    "the on_doubt program is not called for a signal near a limit, and once if it gets worse") {
-  Calls calls({.after_s = 2});
-  for (std::int64_t i = 0; i < 20; ++i)
-    calls.hook.take(record_of(i, i % 2 ? "weak: 1" : "ok"), both, "/runs/a");
-  calls.finish();
-  CHECK(calls.lines().empty());
-  for (std::int64_t i = 20; i < 30; ++i)
-    calls.hook.take(record_of(i, i % 2 ? "weak: 1" : "lossy: 60 %"), both, "/runs/a");
-  calls.finish();
-  CHECK(calls.lines() ==
-        std::vector<std::string>{"radar lossy 20 lossy: 60 % /runs/a two  words; $(id)"});
-}
-
-TEST_CASE("the on_doubt program reports a sensor that never delivers data after the set time") {
-  Calls calls({.after_s = 2});
-  for (std::int64_t i = 0; i < 4; ++i) calls.hook.take(record_of(i, ""), both, "/runs/a");
-  calls.finish();
-  CHECK(calls.lines() ==
-        std::vector<std::string>{"radar no data 1 no frames /runs/a two  words; $(id)"});
-}
-
-TEST_CASE(
-    "an on_doubt program and its child processes are killed after 10 s before the next starts") {
+TEST_CASE("an on_doubt program is killed with its child processes after 10 s") {
   Calls calls({}, "sleep 60 & sleep 60");
-  for (const char* verdict : {"weak: 1", "ok"})
-    calls.hook.take(record_of(0, verdict), both, "/runs/a");
-  calls.finish(0s);
-  CHECK(calls.warnings.empty());
-  calls.finish(10s + 1ms);  // after 10 s the first program is killed and the second program starts
-  REQUIRE(calls.warnings.size() == 1);
-  CHECK(calls.warnings[0].find("was killed after 10 s") != std::string::npos);
-  calls.finish(21s);
-  CHECK(calls.warnings.size() == 2);
+  calls.send({"weak: 1", "ok"});
+  for (const auto& [now, warnings] : {std::pair{0s, 0u}, {10s, 0u}, {11s, 1u}, {22s, 2u}}) {
+    calls.update(now);
+    CHECK(calls.warnings.size() == warnings);
+  }
+  CHECK_THAT(calls.warnings.at(0), Catch::Contains("was killed after 10 s"));
 }
 
 TEST_CASE("failures of the on_doubt program are reported, and a missing program is refused") {
-  Calls calls({}, "exit 7");
-  calls.hook.take(record_of(0, "weak: 1"), both, "/runs/a");
-  calls.finish();
-  REQUIRE(calls.warnings.size() == 1);
-  CHECK(calls.warnings[0].find("exit code 7") != std::string::npos);
-  CHECK_THROWS_AS(DoubtHook({"/none/alert.sh"}, {}, {}), Error);
-  CHECK_THROWS_AS(DoubtHook({"no-such-program-anywhere"}, {}, {}), Error);
+  for (const auto& [script, words] :
+       {std::pair{"exit 7", "ended with exit code 7"}, {"kill -9 $$", "was ended by signal 9"}}) {
+    Calls calls({}, script);
+    calls.send({"weak: 1"});
+    calls.hook.finish(0s);
+    CHECK(calls.warnings == std::vector{std::string("alert.on_doubt: sh ") + words});
+  }
+  for (const char* program : {"/none/alert.sh", "no-such-program-anywhere"})
+    CHECK_THROWS_AS(DoubtHook({program}, {}, {}), Error);
 }
 
-TEST_CASE(
-    "at most 16 verdict changes wait for the on_doubt program, and dropped ones are reported") {
+TEST_CASE("at most 16 changes wait for the on_doubt program, and dropped ones are reported") {
   Calls calls;
-  for (std::int64_t i = 0; i < 20; ++i)
-    calls.hook.take(record_of(i, i % 2 ? "ok" : "weak: 1"), both, "/runs/a");
+  for (int i = 0; i < 10; ++i) calls.send({"weak: 1", "ok"});
   REQUIRE(calls.warnings.size() == 4);
   CHECK(calls.warnings[0] ==
         "alert.on_doubt: radar weak was not reported because too many changes are waiting");
 }
 
-TEST_CASE(
-    "at the end of a run, waiting verdict changes are passed to the on_doubt program or reported") {
-  SECTION("an on_doubt program that exits soon receives all waiting verdict changes") {
-    Calls calls;
-    calls.hook.take(record_of(0, "weak: 1"), both, "/runs/a");
-    calls.hook.take_disk(1, {}, "/runs/a");
-    calls.hook.finish(0s);
-    CHECK(calls.lines().size() == 2);
-    CHECK(calls.warnings.empty());
-  }
-  SECTION(
-      "verdict changes that are not passed on because the on_doubt program hangs are reported") {
-    Calls calls({}, "sleep 30");
-    calls.hook.take(record_of(0, "weak: 1"), both, "/runs/a");
-    calls.hook.take_disk(1, {}, "/runs/a");
-    calls.hook.finish(0s);
-    REQUIRE(calls.warnings.size() == 2);
-    CHECK(calls.warnings[0].find("1 changes were not reported") != std::string::npos);
-    CHECK(calls.warnings[1].find("was killed because the run ended") != std::string::npos);
-  }
+TEST_CASE("changes that the on_doubt program has not received at the end are reported") {
+  Calls calls({}, "sleep 30");
+  calls.send({"weak: 1"});
+  calls.hook.take_disk(1, {}, "/runs/a");
+  calls.hook.finish(0s);
+  REQUIRE(calls.warnings.size() == 2);
+  CHECK_THAT(calls.warnings[0], Catch::Contains("1 changes were not reported"));
+  CHECK_THAT(calls.warnings[1], Catch::Contains("was killed because the run ended"));
 }
