@@ -10,8 +10,7 @@
 namespace {
 
 acquire::Config config_of(const Folder& folder) {
-  write_file(folder / "lab.toml",
-             "[tdc]\naddress = \"bridge:tcp://127.0.0.1:9\"\n[run]\nwindow_s = 1\n");
+  write_file(folder / "lab.toml", "[tdc]\naddress = 'bridge:tcp://h:9'\n[run]\nwindow_s = 1\n");
   return acquire::load_config(folder / "lab.toml");
 }
 
@@ -58,30 +57,30 @@ const std::string paper_cfg = source_dir + "/config/radar/xwr68xx_paper_50cm.cfg
 RadarImport import_radar(const Bytes& bytes, const std::string& cfg = paper_cfg) {
   const Folder folder;
   write_file(folder / "a.dat", {bytes.begin(), bytes.end()});
+  const std::string path = folder / "a.sqlite";
   RadarImport out;
-  try {
-    out.said = acquire::import_recordings(
-        config_of(folder), {.files = {folder / "a.dat"}, .cfg = cfg, .out = folder / "a.sqlite"});
-  } catch (const Error& e) {
-    CHECK(e.code() == ExitCode::failed);
-    CHECK_FALSE(fs::exists(folder / "a.sqlite"));
-    return {{}, e.what()};
-  }
-  out.said += warnings_of(folder / "a.sqlite");
-  const record::RunReader run(folder / "a.sqlite");
-  for (std::int64_t i = 0; i < run.count(); ++i) {
-    out.used.push_back(run.read(i).sync[Sensor::radar].used);
-    out.maps.push_back(run.read(i).array_frames);
+  const std::string refused = refusal_by(
+      [&] {
+        out.said = acquire::import_recordings(
+            config_of(folder), {.files = {folder / "a.dat"}, .cfg = cfg, .out = path});
+      },
+      ExitCode::failed);
+  CHECK(fs::exists(path) == refused.empty());
+  if (!refused.empty()) return {{}, refused};
+  out.said += warnings_of(path);
+  for (const FusedRecord& r : records_of(path)) {
+    out.used.push_back(r.sync[Sensor::radar].used);
+    out.maps.push_back(r.array_frames);
   }
   return out;
 }
 
 }  // namespace
 
-TEST_CASE(
-    "import takes radar times from the device clock and checks them against the frame numbers") {
+TEST_CASE("import checks the radar's clock against its frame numbers") {
   using Used = std::vector<std::uint64_t>;
-  const auto check = [](const RadarFile& file, const Used& used, const std::string& saying) {
+  const Used even{21, 20, 19}, counted{20, 20, 20};
+  const auto check = [&](const RadarFile& file, const std::string& saying, const Used& used) {
     const RadarImport i = import_radar(file.bytes);
     CAPTURE(i.said);
     CHECK(i.used == used);
@@ -90,92 +89,86 @@ TEST_CASE(
       // The only other message reports the start time.
       CHECK(std::ranges::count(i.said, '\n') == 1 + has(i.said, "arrived out of order"));
   };
-  constexpr double wrap_s = 0x1p32 * 5e-9;
-  const Used even{21, 20, 19};
-  check(RadarFile().frames(1, 60), even, "");
-  check(RadarFile().frames(1, 60, 20.5), even, "");  // the cycle counter wraps at 21.47 s
-  check(RadarFile().frames(0xffffffe0, 0xffffffff, -0x1p32 * 0.0499).frames(0, 27), even, "");
-  check(RadarFile().frames(1, 20).frames(31, 60), {20, 11, 19}, "10 frames are missing");
+  // Returns 60 frames. The clock of frame n shows at_s(n).
+  const auto timed = [](const auto& at_s) {
+    RadarFile out;
+    for (std::uint32_t n = 1; n <= 60; ++n) out.frame(n, at_s(n));
+    return out;
+  };
+  // Returns 60 frames. Frame `place` has another number or time.
+  const auto with = [](std::uint32_t place, std::uint32_t number, double at_s) {
+    return RadarFile().frames(1, place - 1).frame(number, at_s).frames(place + 1, 60);
+  };
+  constexpr double wrap_s = 0x1p32 * 5e-9, period_s = 0.0499;
+  check(RadarFile().frames(1, 60), "", even);
+  check(RadarFile().frames(1, 60, 20.5), "", even);  // the cycle counter wraps at 21.47 s
+  check(RadarFile().frames(0xffffffe0, 0xffffffff, -0x1p32 * period_s).frames(0, 27), "", even);
+  check(RadarFile().frames(1, 20).frames(31, 60), "10 frames are missing", {20, 11, 19});
   Used with_gap(37);
   with_gap[0] = 20, with_gap[35] = 2, with_gap[36] = 18;
-  check(RadarFile().frames(1, 20).frames(721, 740), with_gap, "700 frames are missing");
+  check(RadarFile().frames(1, 20).frames(721, 740), "700 frames are missing", with_gap);
+  const std::string times = " frames have impossible times",
+                    numbers = "1 frames have impossible numbers (";
   for (const double off_s :
        {std::ldexp(5e-9, 31), std::ldexp(5e-9, 27), std::ldexp(5e-9, 25), -0.2})
-    check(RadarFile().frames(1, 19).frame(20, 20 * 0.0499 + off_s).frames(21, 60), even,
-          "1 frames have impossible times (frame 20 after 0.90 s): their times");
-  check(RadarFile().frames(1, 19).frame(20, 9).frame(21, 3).frames(22, 60), even,
-        "2 frames have impossible times");
-  check(RadarFile().frames(1, 59).frame(60, 9), even,
-        "1 frames have impossible times (frame 60 after 2.89 s)");
-  check(RadarFile().frame(1, 10.8).frames(2, 60), even,
-        "1 frames have impossible times (frame 1 at the start): their times");
+    check(with(20, 20, 20 * period_s + off_s),
+          "1" + times + " (frame 20 after 0.90 s): their times", even);
+  check(with(60, 60, 9), "1" + times + " (frame 60 after 2.89 s)", even);
+  check(with(1, 1, 10.8), "1" + times + " (frame 1 at the start): their times", even);
   // Several neighbouring frames have damaged times, at any place.
   for (const auto& [first, last] :
        {std::pair{1u, 2u}, {1u, 5u}, {20u, 24u}, {57u, 60u}, {10u, 45u}})
     for (const bool similar : {true, false}) {
-      RadarFile damaged;
-      for (std::uint32_t n = 1; n <= 60; ++n)
-        damaged.frame(n, n * 0.0499 + (n < first || n > last ? 0 : similar ? 10.74 : 0.37 * n * n));
-      if (last - first < 10 || !similar)
-        check(damaged, even, std::to_string(last - first + 1) + " frames have impossible times");
+      if (last - first > 9 && similar) continue;
+      const auto at_s = [&, from = first, to = last](std::uint32_t n) {
+        return n * period_s + (n < from || n > to ? 0 : similar ? 10.74 : 0.37 * n * n);
+      };
+      check(timed(at_s), std::to_string(last - first + 1) + times, even);
     }
-  RadarFile half, twice, block, middle, slow, blank, pairs;
-  for (std::uint32_t n = 1; n <= 60; ++n) pairs.frame(n, (n - n % 2) * 0.0499);
-  check(pairs, even, "the board's clock stands still in 29 frames (frame 3, frame 5");
-  for (std::uint32_t n = 1; n <= 60; ++n) half.frame(n, std::min(n, 30u) * 0.0499);
-  check(half, even, "the board's clock stands still in 30 frames (frame 31, frame 32");
-  for (std::uint32_t n = 1; n <= 60; ++n) middle.frame(n, (n > 20 && n < 40 ? 20 : n) * 0.0499);
-  check(middle, even, "the board's clock stands still in 19 frames (frame 21, frame 22");
-  for (std::uint32_t n = 1; n <= 60; ++n) blank.frame(0, 0);
-  check(blank, {20, 20, 20}, "the frames have neither number nor time: ");
-  for (std::uint32_t n = 1; n <= 60; ++n) slow.frame(n, n * 0.25e-6);
-  check(slow, {20, 20, 20}, "the board's clock stands still in 59 frames (frame 2, frame 3");
-  for (std::uint32_t n = 1; n <= 60; ++n) twice.frames(n, n).frames(n, n);
-  check(twice, even, "60 duplicate frames were omitted");
-  check(block.frames(1, 40).frames(21, 60), even, "20 duplicate frames were omitted");
-  RadarFile still, twos;
-  for (std::uint32_t n = 1; n <= 60; ++n) still.frame(n, 0), twos.frames(1 + n % 2, 1 + n % 2);
-  check(still, {20, 20, 20}, "the board's clock stands still in 59 frames (frame 2, frame 3");
-  check(twos, even, "restarts of the board");
-  RadarFile points;
-  points.tlv = 1;
-  points.frames(1, 59);
-  points.tlv = 2;
-  check(points.frames(60, 60), {0, 0, 1}, "59 of 60 frames have no range profile");
+  const std::string still = "the board's clock stands still in ";
+  check(timed([](auto n) { return (n - n % 2) * 0.0499; }), still + "29 frames (frame 3, ", even);
+  check(timed([](auto n) { return std::min(n, 30u) * 0.0499; }), still + "30 frames (frame", even);
+  check(timed([](auto n) { return (n > 20 && n < 40 ? 20 : n) * 0.0499; }),
+        still + "19 frames (frame 21, ", even);
+  for (const double slow_s : {0.25e-6, 0.0})
+    check(timed([&](auto n) { return n * slow_s; }), still + "59 frames (frame 2, frame 3",
+          counted);
+  RadarFile blank, twice, twos, points{.tlv = 1};
+  for (std::uint32_t n = 1; n <= 60; ++n)
+    blank.frame(0, 0), twice.frames(n, n).frames(n, n), twos.frames(1 + n % 2, 1 + n % 2);
+  check(blank, "the frames have neither number nor time: ", counted);
+  check(twice, "60 duplicate frames were omitted", even);
+  check(RadarFile().frames(1, 40).frames(21, 60), "20 duplicate frames were omitted", even);
+  check(twos, "restarts of the board", even);
+  points.frames(1, 59).tlv = 2;
+  check(points.frames(60, 60), "59 of 60 frames have no range profile", {0, 0, 1});
   // The frame number of frame 20 is corrupted. Of the tested values, only 36 is close enough to 20
   // to look like a gap of 16 lost frames.
-  for (const std::uint32_t number : {36u, 1044u, 0x80000014u})
-    check(RadarFile().frames(1, 19).frame(number, 20 * 0.0499).frames(21, 60), even,
-          "1 frames have impossible numbers (frame " + std::to_string(number) +
-              " after 0.90 s): their times");
+  for (const std::string number : {"36", "1044", "2147483668"})
+    check(with(20, static_cast<std::uint32_t>(std::stoul(number)), 20 * period_s),
+          numbers + "frame " + number + " after 0.90 s): their times", even);
   // A number at an end of the recording, neighbouring numbers, and exchanged numbers.
-  check(RadarFile().frames(1, 59).frame(109, 60 * 0.0499), even, "(frame 109 after 2.89 s)");
-  check(RadarFile().frame(33, 0.0499).frames(2, 60), even, "(frame 33 at the start)");
-  check(RadarFile().frame(33, 0.0499).frame(34, 0.0998).frames(3, 60), even,
-        "2 frames have impossible numbers");
-  check(RadarFile().frames(1, 19).frame(21, 20 * 0.0499).frame(20, 21 * 0.0499).frames(22, 60),
-        even,
-        "2 frames have impossible numbers (frame 21 after 0.90 s, frame 20 after 0.90 s): their");
+  check(with(60, 109, 60 * period_s), numbers + "frame 109 after 2.89 s)", even);
+  check(with(1, 33, period_s), numbers + "frame 33 at the start)", even);
+  check(RadarFile().frame(33, period_s).frame(34, 2 * period_s).frames(3, 60),
+        "2 frames have impossible numbers", even);
+  check(RadarFile().frames(1, 19).frame(21, 20 * period_s).frame(20, 21 * period_s).frames(22, 60),
+        "2 frames have impossible numbers (frame 21 after 0.90 s, frame 20 after 0.90 s): ", even);
   // Restarts near the start and with similar clocks.
-  check(RadarFile().frames(1, 5).frames(1, 60, 4.1), {21, 20, 20, 4},
-        "1 restarts of the board (between frames 5 and 1 at 0.20 s)");
-  check(RadarFile().frames(1, 20).frames(1, 25, 0.001), {21, 20, 4},
-        "1 restarts of the board (between frames 20 and 1 at 0.95 s)");
-  check(RadarFile().frames(1, 20).frames(2, 60, 0.01), {21, 20, 20, 18},
-        "1 restarts of the board (between frames 20 and 2 at 0.95 s)");
-
-  check(RadarFile().frames(1, 20).frames(1, 20).frames(1, 20, 7), even,
-        "2 restarts of the board (between frames 20 and 1 at 0.95 s, between frames 20 and 1 "
-        "at 1.95 s): the gaps have unknown length");
-  check(RadarFile().frames(1, 40).frames(41, 60, wrap_s + 1), {21, 19, 1, 19},
+  const std::string again = "1 restarts of the board (between frames ";
+  check(RadarFile().frames(1, 5).frames(1, 60, 4.1), again + "5 and 1 at 0.20 s)", {21, 20, 20, 4});
+  check(RadarFile().frames(1, 20).frames(1, 25, 0.001), again + "20 and 1 at 0.95 s)", {21, 20, 4});
+  check(RadarFile().frames(1, 20).frames(2, 60, 0.01), again + "20 and 2 at", {21, 20, 20, 18});
+  check(RadarFile().frames(1, 20).frames(1, 20).frames(1, 20, 7),
+        "2 restarts of the board (between frames 20 and 1 at 0.95 s, between frames 20 and 1 at "
+        "1.95 s)",
+        even);
+  check(RadarFile().frames(1, 40).frames(41, 60, wrap_s + 1),
         "1 gaps in which the board's clock may have wrapped (between frames 40 and 41 at 1.95 s by "
-        "1.05 s + n "
-        "x 21.47 s): their lengths are ambiguous");
-  const std::string other =
-      " ms; expected 50.0 ms from the cfg; check that the recording was made with this cfg";
-  check(RadarFile{.period_s = 0.0998}.frames(1, 20), {11, 9}, "frame period 99.8" + other);
-  check(RadarFile{.period_s = 0.499}.frames(1, 20), {3, 2, 2, 2, 2, 2, 2, 2, 2, 1},
-        "frame period 499.0" + other);
+        "1.05 s + n x 21.47 s): their lengths are ambiguous",
+        {21, 19, 1, 19});
+  const std::string other = " ms; expected 50.0 ms from the cfg; check that the recording was";
+  check(RadarFile{.period_s = 0.0998}.frames(1, 20), "frame period 99.8" + other, {11, 9});
 }
 
 TEST_CASE("damaged frame numbers and clock readings do not change the times of other frames") {
@@ -238,21 +231,21 @@ TEST_CASE("subframes may have different periods") {
 }
 
 TEST_CASE("import uses only heat maps that match the cfg and the board") {
-  const auto frames_of = [](std::uint32_t tlv, std::uint32_t samples, const std::string& saying) {
-    const Bytes bytes = RadarFile{.map_tlv = tlv, .map_samples = samples}.frames(1, 60).bytes;
-    const auto [used, said, maps] =
-        import_radar(bytes, source_dir + "/config/radar/xwr68xx_azimuth_50cm.cfg");
-    CAPTURE(said);
-    CHECK(has(said, "heat map") == !saying.empty());
-    CHECK(has(said, saying));
-    return maps.at(1);
-  };
-  CHECK(frames_of(4, 64 * 8, "") == 20);
   const std::string other = "60 heat maps are unusable: the heat map has ";
-  CHECK(frames_of(4, 64 * 12, other + "768 samples in TLV 4, but the cfg") == 0);
-  CHECK(frames_of(4, 64 * 4, other + "256 samples in TLV 4, but the cfg") == 0);
-  CHECK(frames_of(8, 64 * 8, other + "512 samples in TLV 8, but the cfg") == 0);
-  CHECK(frames_of(0, 0, "no frame has a heat map: the fifth number of guiMonitor was 0") == 0);
+  for (const auto& [tlv, samples, frames, words] :
+       std::vector<std::tuple<std::uint32_t, std::uint32_t, std::uint64_t, std::string>>{
+           {4, 64 * 8, 20, ""},
+           {4, 64 * 12, 0, other + "768 samples in TLV 4, but the cfg"},
+           {4, 64 * 4, 0, other + "256 samples in TLV 4, but the cfg"},
+           {8, 64 * 8, 0, other + "512 samples in TLV 8, but the cfg"},
+           {0, 0, 0, "no frame has a heat map: the fifth number of guiMonitor was 0"}}) {
+    const RadarImport i =
+        import_radar(RadarFile{.map_tlv = tlv, .map_samples = samples}.frames(1, 60).bytes,
+                     source_dir + "/config/radar/xwr68xx_azimuth_50cm.cfg");
+    CHECK(has(i.said, "heat map") == !words.empty());
+    CHECK_THAT(i.said, Catch::Contains(words));
+    CHECK(i.maps.at(1) == frames);
+  }
 }
 
 TEST_CASE("import does not mistake lost bytes for converted line ends") {
@@ -273,19 +266,15 @@ TEST_CASE("import refuses a radar recording without a range profile and reports 
     CHECK_THAT(i.said, Catch::Contains("a.dat: nothing to import: ") && Catch::Contains(saying));
     CHECK(std::ranges::count(i.said, '\n') == 0);
   };
-  const auto text = [](const std::string& t) { return Bytes(t.begin(), t.end()); };
-  refuses({}, "file is empty");
-  refuses(text("{\"frame\": 1}\n"), "file contains text; expected the data port's bytes");
-  refuses(text("sensorStart\r\nDone\r\nmmwDemo:/>"), "file contains text of the command port");
+  for (const auto& [text, saying] :
+       {std::pair<std::string, const char*>{"", "file is empty"},
+        {"{\"frame\": 1}\n", "file contains text; expected the data port's bytes"},
+        {"sensorStart\r\nDone\r\nmmwDemo:/>", "file contains text of the command port"}})
+    refuses({text.begin(), text.end()}, saying);
   const Bytes whole = RadarFile().frames(1, 20).bytes;
-  Bytes mangled;
-  for (const std::uint8_t b : whole) {
-    if (b == '\n') mangled.push_back('\r');
-    mangled.push_back(b);
-  }
-  refuses(mangled, "line ends were converted because the file was saved as text");
+  refuses(saved_as_text(whole), "line ends were converted because the file was saved as text");
   // One byte CR is missing in each frame.
-  Bytes shorter = RadarFile().frames(1, 20).bytes;
+  Bytes shorter = whole;
   for (std::size_t i = 60; i + 1 < shorter.size(); i += 191) {
     shorter[i] = '\n';
     shorter.erase(shorter.begin() + static_cast<std::ptrdiff_t>(i + 1));
@@ -301,19 +290,14 @@ TEST_CASE("import refuses a radar recording without a range profile and reports 
       put(utf8, static_cast<std::uint16_t>(0x80c0 | b >> 6 | (b & 63) << 8));
   refuses(utf8, "the bytes were converted to UTF-8 because the file was saved as text");
   refuses(Bytes(5000, 0xf3), "was the file recorded at the data port's baud rate?");
-  refuses(RadarFile{.header = 36}.frames(1, 20).bytes, "from SDK 1 or 2.0 (header of 36 bytes)");
-  refuses(RadarFile{.header = 48}.frames(1, 20).bytes,
-          "not from the out-of-box demo (header of 48 bytes)");
-  refuses(RadarFile{.header = 52}.frames(1, 20).bytes,
-          "not from the out-of-box demo (header of 52 bytes)");
-  refuses(RadarFile{.length_error = 8}.frames(1, 20).bytes,
-          "the TLV lengths include the TLV headers");
-  refuses(RadarFile{.tlv = 1}.frames(1, 20).bytes,
-          "no frame has a range profile: the third number of guiMonitor");
-  refuses(
-      RadarFile{.bins = 256}.frames(1, 20).bytes,
-      "20 frames have 256 bins, but the number of bins in the cfg is 64; check that the recording");
-  Bytes part = RadarFile().frames(1, 1).bytes;
-  part.resize(100);
-  refuses(part, "file contains only part of a frame");
+  for (auto [file, saying] :
+       {std::pair{RadarFile{.header = 36}, "from SDK 1 or 2.0 (header of 36 bytes)"},
+        {{.header = 48}, "not from the out-of-box demo (header of 48 bytes)"},
+        {{.header = 52}, "not from the out-of-box demo (header of 52 bytes)"},
+        {{.length_error = 8}, "the TLV lengths include the TLV headers"},
+        {{.tlv = 1}, "no frame has a range profile: the third number of guiMonitor"},
+        {{.bins = 256},
+         "20 frames have 256 bins, but the number of bins in the cfg is 64; check "}})
+    refuses(file.frames(1, 20).bytes, saying);
+  refuses({whole.begin(), whole.begin() + 100}, "file contains only part of a frame");
 }
