@@ -51,7 +51,6 @@ TEST_CASE("annotating a closed run replaces its file, and keeps its owner, mode 
   CHECK(names_in(folder / "real") == std::set<std::string>{"a.sqlite"});
   CHECK(reader.events().empty());
   CHECK(RunReader(path).events().at(0).text == "door");
-  CHECK(RunReader(path).count() == 3);
   CHECK(is_closed(path));
 }
 
