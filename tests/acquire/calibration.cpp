@@ -12,7 +12,8 @@ Calibration whole_calibration(double offset_m) {
   for (const Sensor s : {Sensor::spd, Sensor::radar})
     c.entries.push_back({s, "2026-11-21T10:00:00Z", "some method", 1.5, offset_m, 2e-4, "M", "7"});
   c.firmware = FirmwareBias{offset_m, {1, 0, -0.5, 0.25}, 7};
-  c.antennas = {"2026-11-22T10:00:00Z", 1, 0.447214, {1, 0.912345}, {0, offset_m}, {0, 0.00123}};
+  c.antennas = {"2026-11-22T10:00:00Z", 1, 0.447214, {1, 0.0015, 912.345}, {-99, offset_m, 99},
+                {0, 0.00123, 99}};
   c.axes = {spd_axis(336, 13343, offset_m), range_axis("power_with_noise", 64, 0, 0.234375)};
   c.response.irf_fwhm_ps = {203.5, 1.5}, c.response.radar = {0.05, {1, 0.75, offset_m}};
   c.baseline_m = offset_m;
@@ -77,6 +78,10 @@ TEST_CASE("the line and column of each error in a calibration file are reported"
            {"", ": contains no offset; expected spd.offset_m or radar.offset_m"},
            {"[spd]\noffset_m = 5000\n", ":2:1: spd.offset_m = 5000 is not valid"},
            {"[spd]\noffset_cm = 5\n", ":2:1: unknown key"},
+           {spd + "distance_m = -0.5\n", ":3:1: spd.distance_m = -0.5 is not valid"},
+           {spd + "standard_error_m = -0.5\n", ":3:1: spd.standard_error_m = -0.5 is not"},
+           {spd + "[antennas]\ndistance_m = -0.5\n", ":4:1: antennas.distance_m = -0.5 is not"},
+           {spd + "[antennas]\nsine = 1.5\n", ":4:1: antennas.sine = 1.5 is not valid"},
            {spd + "[response]\nradar_cell_m = \"0.5\"\nradar_taps = \"2 1\"\n",
             ": section response: expected the numbers"},
            {firmware + "sensorStart 0\"\n", no_line},

@@ -18,7 +18,7 @@ acquire::Capture captured(const acquire::Config& config, const DeviceInfo& devic
   acquire::Capture capture(config);
   send(capture);  // samples received before the slot begins are not counted
   capture.begin(doctor_begin, clocks);
-  capture.announce(device);
+  capture.on_state(device.sensor, DeviceState::streaming, device);
   send(capture);
   capture.end();
   return capture;

@@ -87,15 +87,17 @@ TEST_CASE("doctor reports the faults and rates of a detector") {
   check_finding(good, Grade::ok, "starts 500 Hz, clicks 500 Hz, 100 % of the clicks in the");
   for (const char* name : {"starts_per_s", "clicks_per_s"}) CHECK(fact(good, name) == 500);
   CHECK(fact(good, "share_in_range") == 1);
-  check_finding(spd_verdict(pairs(1, 2, 900'000)), Grade::warning,
-                "are the start and click channels swapped? If not, set tdc.click_delay_ps");
-  std::vector<Tag> swapped = tags, invalid = tags;
+  check_finding(spd_verdict(pairs(1, 2, 900'000)), Grade::warning, ", 0 % of the clicks in the");
+  std::vector<Tag> swapped = tags, invalid = tags, back = tags;
   for (const Tag& tag : tags)
     for (int k = 1; k <= 9 && tag.channel == 2; ++k)
       swapped.push_back({.channel = 2, .time_ps = tag.time_ps + 50'000 * k});
   std::ranges::sort(swapped, {}, &Tag::time_ps);
   check_finding(spd_verdict(swapped), Grade::warning,
-                "several clicks per start: are the start and click channels swapped?");
+                "several clicks per start: are the start and click channels swapped? If not, set "
+                "tdc.click_delay_ps");
+  std::ranges::rotate(back, back.begin() + 1000);
+  check_finding(spd_verdict(back), Grade::warning, "the tagger reports errors or sends invalid");
   const Finding lossy = spd_verdict(tags, 5);
   check_finding(lossy, Grade::warning, "5 tags and 0 blocks lost; the tagger or its connection is");
   CHECK(fact(lossy, "lost_tags") == 5);
@@ -142,6 +144,9 @@ TEST_CASE("doctor reports the frame rate of a camera and its fraction of valid p
   DepthFrame after_loss = depth_frame(3000);
   after_loss.lost_before = 1;
   check_finding(depth_verdict(20, after_loss), Grade::warning, "the USB port or this machine");
+  DepthFrame cut = depth_frame(3000);
+  cut.depth_mm.pop_back();
+  check_finding(depth_verdict(20, cut), Grade::problem, "no frame of the expected size received");
 }
 
 TEST_CASE("doctor reports the count rate of each detector zone and marks zones without counts") {
@@ -155,8 +160,10 @@ TEST_CASE("doctor reports the count rate of each detector zone and marks zones w
                       .zones = 3,
                       .counts = {1, 3, 0, 0, 2, 0}});
   });
-  check_finding(spd_finding(capture, config), Grade::warning,
+  const Finding found = spd_finding(capture, config);
+  check_finding(found, Grade::warning,
                 "counts 6 Hz, 0 histograms lost; zones 4 Hz 0 Hz 2 Hz; zone 1 has no counts");
+  CHECK(fact(found, "zone_2_clicks_per_s") == 2);
   CHECK(estimate_record_bytes(capture, config) == 4.0 * 6 + 4.0 * 64 + 2.0 * 640 * 480);
 }
 
@@ -189,6 +196,10 @@ TEST_CASE("the record size is estimated from received frames, or else from the c
   const double seen = estimate_record_bytes(depth_capture(config, 1, depth_frame(3000)), config);
   CHECK(seen > 4.0 * 336 + 4.0 * 64);
   CHECK(seen < 4.0 * 336 + 4.0 * 64 + 2.0 * 200);
+  Config bridged = config;  // the axis of its radar is unknown
+  bridged.radar = {};
+  bridged.radar.address = "bridge:tcp://h:1";
+  CHECK(estimate_record_bytes(Capture(bridged), bridged) == 4.0 * 336 + 2.0 * 640 * 480);
 }
 
 TEST_CASE("the doctor command rates the disk's write speed as ok, warning or problem") {
