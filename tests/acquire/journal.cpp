@@ -77,7 +77,12 @@ TEST_CASE("the run journal completes all queued jobs in order before it closes t
       run.put_event(UtcTime(0), Severity::warning, "test", std::to_string(run.records() == i + 1));
     });
   }
+  for (int i = 0; i < 2; ++i) r.journal.put_device(device_of(Sensor::radar, {}));  // written once
+  r.journal.put_late({{3, {1, 2, 3}}});
   const record::RunReader run = r.ended();
+  CHECK(r.journal.path() == r.path);
+  CHECK(run.devices().size() == 1);
+  CHECK(run.late() == PerSensor<std::int64_t>{1, 2, 3});
   CHECK(r.journal.written() == 30);
   CHECK(run.info().status == "complete");
   CHECK(run.count() == 30);
