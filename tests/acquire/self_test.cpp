@@ -197,8 +197,8 @@ TEST_CASE("the record size is estimated from received frames, or else from the c
   CHECK(seen > 4.0 * 336 + 4.0 * 64);
   CHECK(seen < 4.0 * 336 + 4.0 * 64 + 2.0 * 200);
   Config bridged = config;  // the axis of its radar is unknown
-  bridged.radar = {};
-  bridged.radar.address = "bridge:tcp://h:1";
+  auto& radar = bridged.radar;
+  radar = {}, radar.address = "bridge:tcp://h:1";
   CHECK(estimate_record_bytes(Capture(bridged), bridged) == 4.0 * 336 + 2.0 * 640 * 480);
 }
 
