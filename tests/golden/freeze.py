@@ -2,8 +2,7 @@
 # SPDX-License-Identifier: MIT
 """freeze.py BUILD [--keep FOLDER]: prints the SHA-256 of each output of the programs below BUILD.
 
-Run it before and after a change that should not change results, and compare the outputs with diff. The hashes ignore
-uuids, creation times, the host, the commit and measured times. Takes three minutes on two cores."""
+Compare the outputs before and after a change with diff. The hashes ignore uuids, the host, the commit and all times."""
 import argparse
 import hashlib
 import json

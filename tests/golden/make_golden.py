@@ -39,31 +39,20 @@ hello = json.dumps({"model": "Time Tagger Ultra", "serial": "1808000BBV", "firmw
 tags = tag(0, 0, 1, 1_000_000) + tag(0, 0, 2, 1_013_443) + tag(4, 7, 2, 0) + tag(2, 0, 0, 1_100_000)
 depth = struct.pack("<IIQI4f", 3, 2, 123_456_789_012, 42, -0.5, 0.5, 0.25, -0.5)
 depth += struct.pack("<6H", 0, 1000, 2000, 3000, 4000, 65535)
-write(
-    "bridge.hex",
-    ["Bridge protocol, version 1. Made by make_golden.py (Python struct, bitwise CRC-32C)."],
-    [
-        ("hello, sequence 0", block(0, 0, hello)),
-        ("tags, sequence 1: start, click 13443 ps later, 7 missed on 2, overflow begins", block(1, 1, tags)),
-        ("depth 3 x 2, sequence 2, 5 items dropped before", block(2, 2, depth, 5)),
-        ("bye, sequence 3", block(3, 3, b"")),
-    ],
-)
-
-
-counts = struct.pack("<IIQQddI", 1, 5, 123_456_789_012, 5000, 13343.0, 92.5, 50_000)
-counts += struct.pack("<5I", 3, 1, 4, 0, 4_000_000_000)
-power = struct.pack("<IIQff", 4, 42, 123_456_789_012, 0.25, 0.5) + struct.pack("<4f", 1, 0, 2.5, 1e9)
+write("bridge.hex", ["Bridge protocol, version 1. Made by make_golden.py (Python struct, bitwise CRC-32C)."], [
+    ("hello, sequence 0", block(0, 0, hello)),
+    ("tags, sequence 1: start, click 13443 ps later, 7 missed on 2, overflow begins", block(1, 1, tags)),
+    ("depth 3 x 2, sequence 2, 5 items dropped before", block(2, 2, depth, 5)),
+    ("bye, sequence 3", block(3, 3, b"")),
+])
+counts = struct.pack("<IIQQddI5I", 1, 5, 123_456_789_012, 5000, 13343.0, 92.5, 50_000, 3, 1, 4, 0, 4_000_000_000)
+power = struct.pack("<IIQff4f", 4, 42, 123_456_789_012, 0.25, 0.5, 1, 0, 2.5, 1e9)
 hello = json.dumps({"model": "Board", "serial": "B7", "firmware": "1", "sends": "histograms"}).encode()
-write(
-    "bridge_sensors.hex",
-    ["Bridge protocol: blocks of other sensors. Made by make_golden.py (Python struct, bitwise CRC-32C)."],
-    [
-        ("hello, sequence 0", block(0, 0, hello)),
-        ("histogram of one zone and 5 bins, sequence 1", block(4, 1, counts)),
-        ("range profile of 4 bins, frame 42, sequence 2", block(5, 2, power)),
-    ],
-)
+write("bridge_sensors.hex", ["Bridge protocol: blocks of other sensors. Made by make_golden.py (Python struct, bitwise CRC-32C)."], [
+    ("hello, sequence 0", block(0, 0, hello)),
+    ("histogram of one zone and 5 bins, sequence 1", block(4, 1, counts)),
+    ("range profile of 4 bins, frame 42, sequence 2", block(5, 2, power)),
+])
 
 
 def tlv(kind, payload):
@@ -81,18 +70,15 @@ profile = struct.pack("<8H", 5000, 6000, 65535, 0, 1, 258, 772, 4097)
 stats = struct.pack("<6I", 4000, 8591, 87000, 12, 13, 2)
 celsius = struct.pack("<iI10h", 0, 123456, 40, 41, 42, 43, 50, 51, 52, -3, 60, 61)
 stale = bytes([2, 1, 4, 3, 6, 5, 8, 7, 2, 0, 3, 3]) + bytes(range(64))
-write(
-    "radar.hex",
-    [
-        "TI mmWave demo, data port, layout of SDK 3.x mmw_output.h. Made by make_golden.py (Python struct).",
-        "The padding holds what real padding may hold: a stale magic.",
-    ],
-    [
-        ("frame 209: no objects (TLV 1, empty), range profile, stats", radar_frame(209, 20_000_000, [tlv(1, b""), tlv(2, profile), tlv(6, stats)], stale)),
-        ("frame 210: range profile, stats, temperature", radar_frame(210, 40_000_000, [tlv(2, profile), tlv(6, stats), tlv(9, celsius)], stale)),
-        ("frame 213: range profile only", radar_frame(213, 100_000_000, [tlv(2, profile)], stale)),
-    ],
-)
+write("radar.hex", [
+    "TI mmWave demo, data port, layout of SDK 3.x mmw_output.h. Made by make_golden.py (Python struct).",
+    "The padding holds what real padding may hold: a stale magic.",
+], [
+    ("frame 209: no objects (TLV 1, empty), range profile, stats",
+     radar_frame(209, 20_000_000, [tlv(1, b""), tlv(2, profile), tlv(6, stats)], stale)),
+    ("frame 210: range profile, stats, temperature", radar_frame(210, 40_000_000, [tlv(2, profile), tlv(6, stats), tlv(9, celsius)], stale)),
+    ("frame 213: range profile only", radar_frame(213, 100_000_000, [tlv(2, profile)], stale)),
+])
 
 
 def sample(bin_, antenna):  # returns the imaginary part, then the real part
@@ -106,17 +92,12 @@ def heat_map(antennas):
 
 
 codes = struct.pack("<4H", 3000, 5000, 4000, 3000)
-write(
-    "radar_array.hex",
-    [
-        "TI mmWave demo, data port: heat maps of 4 bins. Made by make_golden.py (Python struct). The sample of",
-        "bin b and antenna a has the imaginary part 100 b + a and the real part -1000 - 100 b - a, but the",
-        "first is -32768, 32767.",
-    ],
-    [
-        ("frame 301: range profile, azimuth heat map of 8 antennas, stats", radar_frame(301, 500_000_000, [tlv(2, codes), tlv(4, heat_map(8)), tlv(6, stats)], stale)),
-        ("frame 302: range profile, heat map of 12 antennas of a planar array", radar_frame(302, 520_000_000, [tlv(2, codes), tlv(8, heat_map(12))], stale)),
-        ("frame 303: azimuth heat map, and a second one", radar_frame(303, 540_000_000, [tlv(2, codes), tlv(4, heat_map(8)), tlv(8, heat_map(12))], stale)),
-        ("frame 304: a heat map of 30 bytes", radar_frame(304, 560_000_000, [tlv(2, codes), tlv(4, heat_map(8)[:30])], stale)),
-    ],
-)
+write("radar_array.hex", [
+    "TI mmWave demo, data port: heat maps of 4 bins. Made by make_golden.py (Python struct). The sample of",
+    "bin b and antenna a has the imaginary part 100 b + a and the real part -1000 - 100 b - a, but the",
+    "first is -32768, 32767.",
+], [(title, radar_frame(number, 20_000_000 * (number - 276), [tlv(2, codes), *heat_maps], stale)) for number, title, heat_maps in (
+    (301, "frame 301: range profile, azimuth heat map of 8 antennas, stats", [tlv(4, heat_map(8)), tlv(6, stats)]),
+    (302, "frame 302: range profile, heat map of 12 antennas of a planar array", [tlv(8, heat_map(12))]),
+    (303, "frame 303: azimuth heat map, and a second one", [tlv(4, heat_map(8)), tlv(8, heat_map(12))]),
+    (304, "frame 304: a heat map of 30 bytes", [tlv(4, heat_map(8)[:30])]))])

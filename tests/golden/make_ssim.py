@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Writes ssim.txt: the structural similarity of 20 map pairs as scikit-image computes it. The maps
-come from a formula that tests/recon/ssim.cpp repeats, so only the results are kept."""
+"""Writes ssim.txt: the structural similarity of 20 pairs of maps as scikit-image computes it. tests/recon/ssim.cpp makes the same
+maps."""
 import pathlib
 
 import numpy
