@@ -24,7 +24,8 @@ def arrays(path):
     if path.suffix == ".h5":
         found = []
         with h5py.File(path) as file:
-            file.visititems(lambda name, item: found.append((name, np.asarray(item[()]))) if isinstance(item, h5py.Dataset) else None)
+            file.visititems(lambda *one: found.append(one))
+            found = [(name, np.asarray(item[()])) for name, item in found if isinstance(item, h5py.Dataset)]
         yield from ((name, values) for name, values in found
                     if values.dtype.kind in "biuf" and not any(word in name for word in LEFT_OUT))
     elif path.suffix == ".safetensors":
@@ -41,7 +42,8 @@ def outputs(build):
     """Returns the arrays of the outputs of a build, by output and name; the maps of one model and world are one output."""
     out = collections.defaultdict(lambda: collections.defaultdict(list))
     with tempfile.TemporaryDirectory() as folder:
-        subprocess.run([sys.executable, pathlib.Path(__file__).with_name("freeze.py"), build, "--keep", folder], check=True, stdout=subprocess.DEVNULL)
+        freeze = pathlib.Path(__file__).with_name("freeze.py")
+        subprocess.run([sys.executable, freeze, build, "--keep", folder], check=True, stdout=subprocess.DEVNULL)
         for path in filter(pathlib.Path.is_file, sorted(pathlib.Path(folder).rglob("*"))):
             for name, values in arrays(path):
                 out[path.parent.name if path.suffix == ".png" else path.name][name].append(values.ravel())

@@ -48,7 +48,8 @@ write("bridge.hex", ["Bridge protocol, version 1. Made by make_golden.py (Python
 counts = struct.pack("<IIQQddI5I", 1, 5, 123_456_789_012, 5000, 13343.0, 92.5, 50_000, 3, 1, 4, 0, 4_000_000_000)
 power = struct.pack("<IIQff4f", 4, 42, 123_456_789_012, 0.25, 0.5, 1, 0, 2.5, 1e9)
 hello = json.dumps({"model": "Board", "serial": "B7", "firmware": "1", "sends": "histograms"}).encode()
-write("bridge_sensors.hex", ["Bridge protocol: blocks of other sensors. Made by make_golden.py (Python struct, bitwise CRC-32C)."], [
+by = "Made by make_golden.py (Python struct, bitwise CRC-32C)."
+write("bridge_sensors.hex", [f"Bridge protocol: blocks of other sensors. {by}"], [
     ("hello, sequence 0", block(0, 0, hello)),
     ("histogram of one zone and 5 bins, sequence 1", block(4, 1, counts)),
     ("range profile of 4 bins, frame 42, sequence 2", block(5, 2, power)),
@@ -76,7 +77,8 @@ write("radar.hex", [
 ], [
     ("frame 209: no objects (TLV 1, empty), range profile, stats",
      radar_frame(209, 20_000_000, [tlv(1, b""), tlv(2, profile), tlv(6, stats)], stale)),
-    ("frame 210: range profile, stats, temperature", radar_frame(210, 40_000_000, [tlv(2, profile), tlv(6, stats), tlv(9, celsius)], stale)),
+    ("frame 210: range profile, stats, temperature",
+     radar_frame(210, 40_000_000, [tlv(2, profile), tlv(6, stats), tlv(9, celsius)], stale)),
     ("frame 213: range profile only", radar_frame(213, 100_000_000, [tlv(2, profile)], stale)),
 ])
 
@@ -96,7 +98,7 @@ write("radar_array.hex", [
     "TI mmWave demo, data port: heat maps of 4 bins. Made by make_golden.py (Python struct). The sample of",
     "bin b and antenna a has the imaginary part 100 b + a and the real part -1000 - 100 b - a, but the",
     "first is -32768, 32767.",
-], [(title, radar_frame(number, 20_000_000 * (number - 276), [tlv(2, codes), *heat_maps], stale)) for number, title, heat_maps in (
+], [(title, radar_frame(number, 20_000_000 * (number - 276), [tlv(2, codes), *maps], stale)) for number, title, maps in (
     (301, "frame 301: range profile, azimuth heat map of 8 antennas, stats", [tlv(4, heat_map(8)), tlv(6, stats)]),
     (302, "frame 302: range profile, heat map of 12 antennas of a planar array", [tlv(8, heat_map(12))]),
     (303, "frame 303: azimuth heat map, and a second one", [tlv(4, heat_map(8)), tlv(8, heat_map(12))]),

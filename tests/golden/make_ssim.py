@@ -1,7 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Writes ssim.txt: the structural similarity of 20 pairs of maps as scikit-image computes it. tests/recon/ssim.cpp makes the same
-maps."""
+"""Writes ssim.txt: the structural similarity of 20 pairs of maps by scikit-image. tests/recon/ssim.cpp makes the same maps."""
 import pathlib
 
 import numpy
@@ -38,7 +37,6 @@ def maps(pair):
 lines = [f"# scikit-image {skimage.__version__} structural_similarity(gaussian_weights=True, sigma=1.5,",
          "# use_sample_covariance=False, data_range=6) of the pairs of make_ssim.py"]
 for pair in range(20):
-    value = structural_similarity(*maps(pair), gaussian_weights=True, sigma=1.5, use_sample_covariance=False,
-                                  data_range=6)
+    value = structural_similarity(*maps(pair), gaussian_weights=True, sigma=1.5, use_sample_covariance=False, data_range=6)
     lines.append(f"{pair} {value:.10f}")
 pathlib.Path(__file__).with_name("ssim.txt").write_text("\n".join(lines) + "\n", encoding="utf-8")
