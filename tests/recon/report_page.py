@@ -1,8 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Opens report pages in Chromium: light and dark, wide and narrow, and as printed. Checks that nothing overflows,
-overlaps or stays empty, and that the page contacts no server. Links and keys must show the records in the file.
-Untrusted text must be shown but not executed. Exits with code 77 if Chromium is not installed."""
+"""Checks the layout, the links, the keys and the escaping of report pages in Chromium, on the screen and as printed. Exits with
+code 77 if Chromium is not installed."""
 import pathlib
 import sys
 import tempfile
@@ -54,21 +53,18 @@ def opened(browser, page):
 
 def look(browser, page):
     """Checks the layout of a page in the light and dark themes, in a wide and a narrow window, and in print."""
-    for width, height in ((1400, 900), (390, 844)):
-        for scheme in ("light", "dark"):
-            chromium.resize(browser, width, height)
-            browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {
-                "features": [{"name": "prefers-color-scheme", "value": scheme}]})
-            chromium.drawn(browser)
-            name = f"{page}, {width} px, {scheme}"
-            fits(browser, name)
-            check(f"{name}: wider than the window",
-                  browser.execute_script("return document.documentElement.scrollWidth") <= width)
-            asked = browser.execute_script("return performance.getEntriesByType('resource').map(e => e.name)"
-                                           ".filter(n => !n.startsWith('data:'))")
-            check(f"{name}: requests {asked}", not asked)
-            paper = browser.execute_script("return getComputedStyle(document.body).backgroundColor")
-            check(f"{name}: {paper}", (max(map(int, paper[4:-1].split(","))) < 60) == (scheme == "dark"))
+    for width, height, scheme in ((1400, 900, "light"), (1400, 900, "dark"), (390, 844, "light"), (390, 844, "dark")):
+        chromium.resize(browser, width, height)
+        browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [{"name": "prefers-color-scheme", "value": scheme}]})
+        chromium.drawn(browser)
+        name = f"{page}, {width} px, {scheme}"
+        fits(browser, name)
+        check(f"{name}: wider than the window", browser.execute_script("return document.documentElement.scrollWidth") <= width)
+        asked = browser.execute_script("return performance.getEntriesByType('resource').map(e => e.name)"
+                                       ".filter(n => !n.startsWith('data:'))")
+        check(f"{name}: requests {asked}", not asked)
+        paper = browser.execute_script("return getComputedStyle(document.body).backgroundColor")
+        check(f"{name}: {paper}", (max(map(int, paper[4:-1].split(","))) < 60) == (scheme == "dark"))
     chromium.resize(browser, 1400, 900)
     browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print", "features": []})
     browser.execute_script("dispatchEvent(new Event('beforeprint'))")
@@ -87,15 +83,15 @@ def fits(browser, name):
 
 with tempfile.TemporaryDirectory() as folder:
     folder = pathlib.Path(folder)
-    program("echofuse-sim", "dataset", "-q", "--out", folder / "run.sqlite", "--records", 240)
-    fixtures.change(folder / "run.sqlite", "label <!--<script> instead of person")
-    for inputs in ("fused", "spd"):
-        program("echofuse-recon", "train", "-q", folder / "run.sqlite", "--model", "ridge", "--set", "fallback=false", "--inputs", inputs, "--out",
-            folder / f"{inputs}.h5")
-    program("echofuse-report", folder / "page", "--run", folder / "run.sqlite", "--model", folder / "fused.h5", folder / "spd.h5",
-        "--live", folder / "run.sqlite")
-    program("echofuse-report", folder / "compared", "--run", folder / "run.sqlite", "--compare", folder / "fused.h5", folder / "spd.h5")
-    program("echofuse-report", folder / "alone", "--live", folder / "run.sqlite")
+    run, models = folder / "run.sqlite", [folder / f"{inputs}.safetensors" for inputs in ("fused", "spd")]
+    program("echofuse-sim", "dataset", "-q", "--out", run, "--records", 240)
+    fixtures.change(run, "label <!--<script> instead of person")
+    for model in models:
+        words = ["--model", "ridge", "--set", "fallback=false", "--inputs", model.stem, "--out", model]
+        program("echofuse-recon", "train", "-q", run, *words)
+    for name, *words in (("page", "--run", run, "--model", *models, "--live", run), ("alone", "--live", run),
+                         ("compared", "--run", run, "--compare", *models)):
+        program("echofuse-report", folder / name, *words)
     browser = chromium.start()
     try:
         browser.set_page_load_timeout(90)

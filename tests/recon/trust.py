@@ -6,18 +6,19 @@ static_echoes and laboratory. Most of the printed tables are in recon/RESULTS.md
 by the slow tests."""
 import argparse
 import csv
-import json
 import pathlib
-import subprocess
 import sys
 import tempfile
 
 import numpy as np
 
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "fixtures"))
+from fixtures import BIN, json_of, program  # noqa: E402
+
 parser = argparse.ArgumentParser(description=__doc__)
 parser.add_argument("bin", type=pathlib.Path)
 parser.add_argument("--quick", action="store_true")
-parser.add_argument("parts", nargs="*", default=[])
+parser.add_argument("parts", nargs="*")
 arguments = parser.parse_intermixed_args()
 folder = pathlib.Path(tempfile.mkdtemp(prefix="trust."))
 failures = []
@@ -25,33 +26,24 @@ next_seed = 7000
 fine = ("radar_bins=160", "radar_resolution_m=0.044", "radar_step_m=0.044", "radar_psf=blackman")
 
 
-def program(name, *words):
-    done = subprocess.run([arguments.bin / f"echofuse-{name}", *map(str, words)], capture_output=True, text=True)
-    if done.returncode:
-        sys.exit(f"echofuse-{name} {' '.join(map(str, words))}: {done.stderr}")
-    return done.stdout
-
-
-def dataset(records, *settings, kind="--records", twin=None):
+def dataset(records, *settings, kind="--records"):
     global next_seed
     next_seed += 1
     path = folder / f"{next_seed}.sqlite"
     words = [word for setting in settings for word in ("--set", setting)]
-    if twin is not None:
-        words += ["--set", "twin=default", "--set", f"laboratory={twin}"]
-    program("sim", "dataset", "-q", "--out", path, kind, records, "--seed", next_seed, *words)
+    program("echofuse-sim", "dataset", "-q", "--out", path, kind, records, "--seed", next_seed, *words)
     return path
 
 
 def train(run, *words):
     path = run.with_suffix(".safetensors")
-    program("recon", "train", "-q", run, "--out", path, "--set", "test_share=0", "--set", "fallback=false", *words)
+    program("echofuse-recon", "train", "-q", run, "--out", path, "--set", "test_share=0", "--set", "fallback=false", *words)
     run.unlink()
     return path
 
 
 def evaluate(model, run):
-    out = json.loads(program("recon", "evaluate", "--json", model, run))
+    out = json_of("echofuse-recon", "evaluate", model, run)
     run.unlink()
     return out
 
@@ -63,6 +55,13 @@ def expect(what, value, least, most):
         failures.append(what)
 
 
+def shares_of(column, name, draws, settings, records, of):
+    """Returns a calibrated share for several pairs of a training run and a test run."""
+    shares = [evaluate(train(dataset(records, *settings)), dataset(of, *settings))["calibration"][column] for _ in range(draws)]
+    print(f"| {name} | {np.mean(shares):.4f} | {', '.join(f'{s:.4f}' for s in shares)} |")
+    return shares
+
+
 def intervals():
     """The 90 % lateral interval must contain the true position of 86 to 95 % of the objects on average over the
     draws, and of 84 to 97 % in each draw. A draw is a pair of a training run and a test run."""
@@ -72,11 +71,7 @@ def intervals():
         kinds += [(4000, ()), (4000, ("radar_antennas=8", "radar_sum=coherent"))]
     for records, settings in kinds:
         name = " ".join((f"{records} records", *settings))
-        shares = []
-        for _ in range(draws):
-            model = train(dataset(records, *settings))
-            shares.append(evaluate(model, dataset(1000, *settings))["calibration"]["within_lateral_interval_90"])
-        print(f"| {name} | {np.mean(shares):.3f} | {', '.join(f'{s:.3f}' for s in shares)} |")
+        shares = shares_of("within_lateral_interval_90", name, draws, settings, records, 1000)
         # With the tolerance of the mounting, the interval is 8 to 10 % wider than the errors without a bias require.
         expect(f"share within the interval, {name}", np.mean(shares), .86, .95)
         expect(f"least of {draws} draws", min(shares), .84, 1)
@@ -87,11 +82,7 @@ def records():
     """The model must flag 0.3 to 1.2 % of the records that are simulated like its training records, even if there is
     pile-up."""
     for name, settings in (("base", ()), ("pile-up", ("pulses_per_window=300000",)), ("4.4 cm", fine)):
-        shares = []
-        for _ in range(2 if arguments.quick else 5):
-            model = train(dataset(4000, *settings))
-            shares.append(evaluate(model, dataset(2000, *settings))["calibration"]["flagged"])
-        print(f"| {name} | {np.mean(shares):.4f} | {', '.join(f'{s:.4f}' for s in shares)} |")
+        shares = shares_of("flagged", name, 2 if arguments.quick else 5, settings, 4000, 2000)
         expect(f"share flagged, {name}", np.mean(shares), .003, .012)
 
 
@@ -110,7 +101,8 @@ def runs():
                 model = train(dataset(reference, kind=kind), "--model", "mean-shape")
                 for size, runs_of in ((100, 10), (1000, 10)):
                     found[size] += [evaluate(model, dataset(size, kind=kind))["domain_shift"]["p"] for _ in range(runs_of)]
-                found["other"] += [evaluate(model, dataset(100, kind=kind, twin=2 * k + n))["domain_shift"]["p"] for n in (0, 1)]
+                others = [dataset(100, "twin=default", f"laboratory={2 * k + n}", kind=kind) for n in (0, 1)]
+                found["other"] += [evaluate(model, run)["domain_shift"]["p"] for run in others]
                 model.unlink()
             for size in (100, 1000):
                 p = np.array(found[size])
@@ -133,14 +125,11 @@ def two_bodies():
         model = train(dataset(4000, *settings))
         def scores(run):
             out = folder / "maps"
-            program("recon", "reconstruct", "-q", "--force", model, run, "--out", out, "--format", "npy")
+            program("echofuse-recon", "reconstruct", "-q", "--force", model, run, "--out", out, "--format", "npy")
             with open(out / "records.csv", newline="") as table:
                 return np.array([float(row["two_bodies"]) for row in csv.DictReader(table)])
         one, two = scores(dataset(1000, *settings)), scores(dataset(1000, *settings, kind="--two-people"))
-        order = np.argsort(np.concatenate([one, two]), kind="stable")
-        ranks = np.empty(2000)
-        ranks[order] = np.arange(2000)
-        auc = (ranks[1000:].mean() - 499.5) / 1000
+        auc = .5 + np.mean(np.sign(two[:, None] - one)) / 2
         expect(f"AUC of two bodies against one, {' '.join(settings) or 'base'}", auc, .975, 1)
 
 
@@ -211,8 +200,8 @@ def laboratory():
         frames = round(20 * window_s)
         model = train(dataset(2000, f"window_s={window_s}", f"radar_frames={frames}"), "--model", "mean-shape")
         run = folder / f"lab{window_s}.sqlite"
-        program("sim", "lab", "--dir", folder / "lab", "--scene", "mixed", "--hold", max(window_s, 1), "--window", window_s,
-                "--laser-rate-hz", "2e7", "--", arguments.bin / "echofuse-acquire", "run", "--config",
+        program("echofuse-sim", "lab", "--dir", folder / "lab", "--scene", "mixed", "--hold", max(window_s, 1),
+                "--window", window_s, "--laser-rate-hz", "2e7", "--", BIN / "echofuse-acquire", "run", "--config",
                 folder / "lab/lab.toml", "--out", run, "--count", count, "--quiet")
         text = evaluate(model, run)["domain_shift"]["text"]
         print(f"| {window_s} s | {text} |")

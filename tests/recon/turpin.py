@@ -1,8 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: MIT
 """Converts the recordings of Turpin et al. (Optica 7, 900, 2020) to a run. Called as `turpin.py SIM FOLDER RUN`.
-FOLDER contains histogram.npy [n, bins] and depth.npy [n, N, N]. The depths are fractions of the scene's largest
-depth, which is set to 6 m."""
+FOLDER contains histogram.npy [n, bins] and depth.npy [n, N, N], in fractions of the largest depth, which is set to 6 m."""
 import contextlib
 import pathlib
 import sqlite3

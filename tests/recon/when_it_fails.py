@@ -6,14 +6,15 @@ import collections
 import csv
 import pathlib
 import re
-import subprocess
 import sys
 import tempfile
 import unittest
 
-bin_dir, manual = map(pathlib.Path, sys.argv[1:3])
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "fixtures"))
+import fixtures  # noqa: E402
+
 rows = {}
-for line in manual.read_text(encoding="utf-8").split("## ")[0].splitlines():
+for line in pathlib.Path(sys.argv[2]).read_text(encoding="utf-8").split("## ")[0].splitlines():
     cells = [cell.strip() for cell in line.strip("|").split("|")]
     if line.startswith("| ") and len(cells) == 3:
         rows[cells[1]] = cells[0]
@@ -38,38 +39,28 @@ RUNS = [
 ]
 
 
-def program(name, *words):
-    done = subprocess.run([bin_dir / f"echofuse-{name}", *map(str, words)], capture_output=True, text=True, timeout=300)
-    assert done.returncode in (0, 5), done.stderr
-    return done.stdout + done.stderr
+MODELS = {"profile": ((), 1200), "closed": (("background=closed",), 1200), "antennas": (antennas, 3000)}
 
 
-def dataset(path, seed, *settings, kind="--records", count=200):
+def dataset(seed, settings, kind="--records", count=200):
     words = [word for setting in settings for word in ("--set", setting)]
-    program("sim", "dataset", "-q", "--out", path, kind, count, "--seed", seed, *words)
-    return path
+    return fixtures.made("echofuse-sim", "dataset", "-q", kind, count, "--seed", seed, *words)
 
 
 class WhenItFails(unittest.TestCase):
-    @classmethod
-    def setUpClass(cls):
-        cls.folder = pathlib.Path(tempfile.mkdtemp(prefix="fails."))
-        cls.models = {}
-        for name, settings, count in (("profile", (), 1200), ("closed", ("background=closed",), 1200), ("antennas", antennas, 3000)):
-            run = dataset(cls.folder / f"{name}.sqlite", 1, *settings, count=count)
-            cls.models[name] = cls.folder / f"{name}.safetensors"
-            program("recon", "train", "-q", run, "--model", "mean-shape", "--epochs", 30, "--set", "fallback=false", "--out", cls.models[name])
-
     def see(self, beginning, *settings, model="profile", **how):
         """Simulates the cause and reconstructs the run. Returns the words quoted in the table, the output of the
         program, and the number of flagged records for each reason."""
         row = next(cell for cause, cell in rows.items() if cause.startswith(beginning))
-        run = dataset(self.folder / f"{len(list(self.folder.iterdir()))}.sqlite", 2, *settings, **how)
-        maps = run.with_suffix(".maps")
-        said = program("recon", "reconstruct", self.models[model], run, "--format", "npy", "--out", maps)
-        with open(maps / "records.csv", newline="", encoding="utf-8") as table:
-            reasons = collections.Counter(record["out_of_distribution"] for record in csv.DictReader(table))
-        return re.findall(r"`([^`]+)`", row), said, reasons
+        trained_with, count = MODELS[model]
+        trained = fixtures.model("mean-shape", dataset(1, trained_with, count=count), "--epochs", 30, "--set", "fallback=false")
+        with tempfile.TemporaryDirectory(prefix="fails.") as folder:
+            words = [trained, dataset(2, settings, **how), "--format", "npy", "--out", f"{folder}/maps"]
+            done = fixtures.outcome("echofuse-recon", "reconstruct", *words)
+            self.assertIn(done.returncode, (0, 5), done.stderr)
+            with open(f"{folder}/maps/records.csv", newline="", encoding="utf-8") as table:
+                reasons = collections.Counter(record["out_of_distribution"] for record in csv.DictReader(table))
+        return re.findall(r"`([^`]+)`", row), done.stdout + done.stderr, reasons
 
     def test_cause_is_reported_for_the_records_or_the_run(self):
         for beginning, settings, least, *how in RECORDS:
