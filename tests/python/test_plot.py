@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""Tests echofuse.plot with simulated runs and with result tables of echofuse-bench."""
-import shutil
+"""Tests echofuse.plot with runs made of arrays and with result tables of echofuse-bench."""
+import functools
+import itertools
+import pathlib
 import types
 
 import numpy as np
@@ -10,15 +12,24 @@ pytest.importorskip("matplotlib")
 import echofuse
 from echofuse import plot
 from echofuse.plot import figures
+from matplotlib.ticker import AutoLocator
 from fixtures import model, scenes
 
+GOLDEN = pathlib.Path(__file__).resolve().parents[1] / "golden/figures.txt"
+COSTS = "# study pareto; axis,value,model,inputs,machine,seed,iou,lateral_m,multiply_adds,infer_us_median"
+IOU = "# study stability; axis,value,model,inputs,machine,seed,iou"
 
-@pytest.fixture(scope="session")
+
+@pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    made = tmp_path_factory.mktemp("plots")
-    shutil.copy(scenes(20), made / "test.sqlite")
-    shutil.copy(scenes(1, 1, "--set", "radar_antennas=8"), made / "wide.sqlite")
-    shutil.copy(model("mlp-8", scenes(120, 2), "--epochs", 3), made / "mlp.safetensors")
+    """Creates a run in which each sensor has no data in one record, and a run of two radar antennas and two detector zones."""
+    made, at = tmp_path_factory.mktemp("plots"), np.arange(4)[:, None]
+    spd, radar = 10. + (7 * np.arange(20) + at) % 23, 1. + (5 * np.arange(12) + at) ** 2 % 31
+    depth, array = np.tile(np.arange(64.) % 5, (4, 1)), np.ones((1, 12, 10)) * [0, 0, 0, 0, 4, 4, 2, 1, 0, 0]
+    spd[1], radar[2], depth[3] = np.nan, np.nan, np.nan
+    write = functools.partial(echofuse.write_run, bin_width_ps=2000, window_s=2, label="plate")
+    write(made / "test", spd=spd, radar=radar, depth_m=depth.reshape(4, 8, 8))
+    write(made / "wide", spd=np.stack([spd, spd + 5], 1)[:1], radar=radar[:1], array=array, antennas=[(0, 0), (1, 0)])
     return made
 
 
@@ -27,18 +38,81 @@ def table(path, head, rows):
     return path
 
 
-def written(figure, path):
-    figure.savefig(path)
-    return path.read_bytes()
+def short(values):
+    """Formats numbers with three digits: all of them, or if they are many, their number, their ends, and their mean."""
+    values = np.ma.filled(np.ma.asarray(values, float), np.nan).ravel()
+    shown = values if len(values) < 13 else [len(values), values[0], values[-1], np.nanmean(values)]
+    return " ".join(f"{value:.3g}" for value in np.round(shown, 9) + 0.0)
 
 
-@pytest.mark.parametrize("run, panels", [("test", 4), ("wide", 6)])
-def test_plot_of_a_record_has_one_panel_for_each_sensor_and_each_colour_bar(folder, run, panels):
-    figure = plot.record(folder / f"{run}.sqlite", 0)
-    assert len(figure.axes) == panels  # The number of axes includes the colour bars.
-    assert written(figure, folder / f"{run}.pdf").startswith(b"%PDF")
+def facts(name, figure):
+    """Yields what a figure shows: its texts, its data, the limits of its axes, and its colours."""
+    figure.canvas.draw()
+    yield f"{name}: {short(figure.get_size_inches())} {[text.get_text() for text in figure.texts]}"
+    for ax in figure.axes:
+        if ax.get_label() == "<colorbar>":
+            yield f"colour bar {ax.get_ylabel()}"
+            continue
+        words = ax.get_title(), ax.get_title("left"), ax.get_xlabel(), ax.get_ylabel(), ax.get_xscale(), ax.get_yscale()
+        sides = sum(side.get_visible() for side in ax.spines.values())
+        yield f"panel {words} x {short(ax.get_xlim())} y {short(ax.get_ylim())} sides {sides}"
+        for axis, ends in (ax.xaxis, ax.get_xlim()), (ax.yaxis, ax.get_ylim()):
+            if not isinstance(axis.get_major_locator(), AutoLocator):  # its ticks depend on the font
+                labels = zip(axis.get_majorticklocs(), axis.get_ticklabels())
+                yield "ticks " + ", ".join(label.get_text() for at, label in labels if min(ends) <= at <= max(ends))
+        for line in ax.lines:
+            style = [getattr(line, f"get_{of}")() for of in "color linewidth linestyle marker markersize label".split()]
+            yield f"line {style} x {short(line.get_xdata())} y {short(line.get_ydata())}"
+        for image in ax.images:
+            where = f"{short(image.get_clim())} at {short(image.get_extent())}"
+            yield f"image {image.get_cmap().name} {where}: {short(image.get_array())}"
+        for bar in ax.patches:
+            yield f"bar {short(bar.get_bbox().get_points())} {short(bar.get_facecolor())}"
+        for part in ax.collections:
+            points = np.concatenate([path.vertices for path in part.get_paths()] or [np.zeros((0, 2))])
+            yield f"shape {short(points)} {short(part.get_facecolor())} {short(part.get_linewidth())} {short(part.get_clim())}"
+        for text in [*ax.texts, *(ax.get_legend().get_texts() if ax.get_legend() else ())]:
+            where = f"{short(text.get_position())} {text.get_ha()} {text.get_va()}"
+            yield f"text {text.get_text()!r} {where} {short(text.get_fontsize())}"
+
+
+def test_figures_show_the_texts_data_limits_and_colours_of_the_golden_file(folder):
+    run, rows = echofuse.open(folder / "test"), []
+    for k, seed in itertools.product(range(8), (1, 2)):
+        costs = f"{0.58 + 0.001 * k + 0.01 * seed},{0.03 + 0.001 * k},{40000 + 900 * k},{8 + 0.1 * k}"
+        rows.append(f"model,1,factorised-{k},fused,m,{seed},{costs}")
+    rows += [f"{sweep},0.5,factorised-1,fused,m,{s},0.4,0.05,40000,8" for s in (1, 2) for sweep in ("records", "photons")]
+    # Methods with a low or no score, a method without a cost, one without a time, and one with two seeds of different cost.
+    odd = ["wrong,fused,m,1,0.002,nan,40000,8", "broken,fused,m,1,nan,nan,40000,8", "mine:Net,-,m,1,0.5,0.1,nan,5",
+           "./other,-,m,1,0.5,0.1,nan,nan", "mlp-4,spd,m,1,0.5,0.1,10,5", "mlp-4,spd,m,2,0.5,0.1,30,5"]
+    shown = {f"record {index}": plot.record(run, index) for index in range(4)} | {
+        "antennas": plot.record(folder / "wide.sqlite", 0), "timeline": plot.timeline(run),
+        "timeline without camera": plot.timeline(folder / "wide.sqlite"), "map": plot.map(run, title="a map"),
+        "map of an array": plot.map(run.maps()[0], 0.3, span=(1, 3)),
+        "shares": plot.shares({"truth": run.maps()[0], "ours": run.maps()[1] / 4}, 0.55),
+        "pareto": plot.pareto(table(folder / "pareto.csv", COSTS, rows), bound_m=0.014),
+        "odd": plot.pareto(table(folder / "odd.csv", COSTS, rows[:4] + [f"model,1,{row}" for row in odd]))}
+    for axis, title, scores in (("shifted-x", "", {"base": (0.6, 0.2), "0.1": (0.5, 0.2), "0.2": (0.1, 0.2)}),
+                                ("shifted-x", "offset", {value: (0.5, 0.2) for value in ("0.1", "0.2", "0.8")}),
+                                ("matched-rooms", "", {"base": (0.6, 0.2), "corridor": (0.1, 0.2)})):
+        lines = [f"{'base' if value == 'base' else axis},{value},{name},fused,-,{seed},{iou + seed / 100}"
+                 for value, both in scores.items() for name, iou in zip(("factorised", "nearest"), both) for seed in (1, 2)]
+        shown[f"{axis} {title}"] = plot.stability(table(folder / "stability.csv", IOU, lines), axis, base="0", title=title)
+    found = "".join(f"{line}\n" for name, figure in shown.items() for line in facts(name, figure))
+    (folder / "figures.txt").write_text(found, encoding="utf-8")
+    if found != GOLDEN.read_text(encoding="utf-8"):
+        pytest.fail(f"see diff {GOLDEN} {folder}/figures.txt; after a wanted change, copy the new file")
+
+
+def test_plot_functions_save_figures_and_refuse_missing_records(folder):
+    for file, start in ("a.pdf", b"%PDF"), ("a.svg", b"<?xml"):
+        plot.record(folder / "test.sqlite", 0).savefig(folder / file)
+        assert (folder / file).read_bytes().startswith(start)
+    assert plot.record(folder / "test.sqlite", 0)._repr_png_().startswith(b"\x89PNG")
     with pytest.raises(KeyError, match="no record 99"):
-        plot.record(folder / f"{run}.sqlite", 99)
+        plot.record(folder / "test.sqlite", 99)
+    with pytest.raises(TypeError, match="half_tangent"):
+        plot.map(np.ones((4, 4)))
 
 
 def test_power_by_direction_is_largest_in_the_direction_of_the_source():
@@ -53,84 +127,18 @@ def test_power_by_direction_is_largest_in_the_direction_of_the_source():
         assert power.max() == pytest.approx(8 * 3, rel=1e-6)
 
 
-def test_timeline_map_and_learning_curve_can_be_plotted(folder):
-    assert b"<svg" in written(plot.timeline(folder / "test.sqlite"), folder / "run.svg")
-    run = echofuse.open(folder / "test.sqlite")
-    echofuse.write_run(folder / "no_radar", spd=run.spd, depth_m=run.maps())
-    sensors = [axes.get_ylabel().split()[0] for axes in plot.timeline(folder / "no_radar.sqlite").axes]
-    assert sensors == ["SPD", "camera", "residual"]
-    maps = echofuse.load_model(folder / "mlp.safetensors").predict(folder / "test.sqlite")
-    figure = plot.map(maps.depth_m[0], maps.half_tangent, title="a map")
-    figure.savefig(folder / "map.svg")
-    half = echofuse.open(folder / "test.sqlite").axes["map_x"]
-    assert figure.axes[0].get_xlim() == pytest.approx((half.start - half.step / 2, -half.start + half.step / 2))
-    with pytest.raises(TypeError, match="half_tangent"):
-        plot.map(maps.depth_m[0])
-    assert len(plot.learning_curve(folder / "mlp.safetensors").axes[0].lines) == 2
-
-
 def test_plot_functions_draw_into_given_axes(folder):
-    run = echofuse.open(folder / "test.sqlite")
-    maps = echofuse.load_model(folder / "mlp.safetensors").predict(run)
+    run, trained = echofuse.open(scenes(20)), model("mlp-8", scenes(120, 2), "--epochs", 3)
+    maps = echofuse.load_model(trained).predict(run)
     figure, axes = plot.figure(4)
     assert plot.maps({"truth": run, "ours": maps}, index=7, ax=axes[:2]) is figure
     shown = axes[1].images[0].get_array()
     assert np.array_equal(shown.filled(np.nan), maps.depth_m[list(maps.index).index(7)], equal_nan=True)
-    assert plot.learning_curve(folder / "mlp.safetensors", ax=axes[2]) is figure and axes[2].lines
+    assert plot.learning_curve(trained, ax=axes[2]) is figure
+    assert [(line.get_label(), *line.get_xdata()) for line in axes[2].lines] == [("training", 1, 2, 3), ("validation", 1, 2, 3)]
+    clocks = plot.timeline(run).axes[-1].lines
+    assert np.allclose(clocks[1].get_ydata(), 1e6 * run.table("record")["radar_clock_residual_s"], equal_nan=True)
     with pytest.raises(KeyError, match="no record 99"):
         plot.map(maps, index=99, ax=axes[3])
     with pytest.raises(ValueError, match="1 panels .expected 3"):
         plot.record(run, 0, ax=axes[3])
-
-
-def test_pareto_chart_gives_each_model_its_own_colour(folder):
-    head = "# study pareto; axis,value,model,inputs,machine,seed,iou,lateral_m,multiply_adds,infer_us_median"
-    rows = [f"model,1,factorised-{k},fused,m,{s},{0.58 + 0.001 * k + 0.01 * s},{0.03 + 0.001 * k},{40000 + 900 * k},{8 + 0.1 * k}"
-            for k in range(8) for s in (1, 2)]
-    rows += [f"records,0.5,factorised-1,fused,m,{s},0.4,0.05,40000,8" for s in (1, 2)]
-    figure = plot.pareto(table(folder / "pareto.csv", head, rows), bound_m=0.014)
-    assert len(figure.axes) == 3
-    front = next(line for line in figure.axes[0].lines if line.get_label() == "Pareto front")
-    assert len(front.get_xdata()) == 8 and (np.diff(front.get_ydata()) > 0).all()
-    _, names = figure.axes[0].get_legend_handles_labels()
-    assert {f"factorised-{k}" for k in range(8)} <= set(names)
-    assert len({container.lines[0].get_color() for container in figure.axes[0].containers}) == 8
-    ticks = [label.get_text() for label in figure.axes[1].get_xticklabels() if label.get_text()]
-    assert "40 000" in ticks and not any("$" in tick for tick in ticks)
-    assert not any("not shown" in text.get_text() for text in figure.axes[0].texts)
-    failed = [f"model,1,{name},fused,m,1,{iou},nan,40000,8" for name, iou in (("wrong", "0.002"), ("broken", "nan"))]
-    texts = [text.get_text() for text in plot.pareto(table(folder / "failed.csv", head, rows + failed), bound_m=0.014).axes[0].texts]
-    assert "not shown (IoU below 0.01): wrong, broken" in texts
-
-
-def stability(folder, axis, scores):
-    """Plots two seeds of two models with the given scores, by condition."""
-    rows = [f"{'base' if value == 'base' else axis},{value},{model},fused,-,{seed},{iou}" for value, both in scores.items()
-            for model, iou in zip(("factorised", "nearest"), both) for seed in (1, 2)]
-    return plot.stability(table(folder / "stability.csv", "# study stability; axis,value,model,inputs,machine,seed,iou", rows), axis, base="0").axes[0]
-
-
-def crosses(ax):
-    return [line.get_xdata().tolist() for line in ax.lines if line.get_marker() == "x"]
-
-
-def test_stability_chart_marks_points_below_the_best_baseline(folder):
-    ax = stability(folder, "shifted-x", {"base": (0.6, 0.2), "0.1": (0.5, 0.2), "0.2": (0.1, 0.2)})
-    assert [label.get_text() for label in ax.get_xticklabels()] == ["0", "0.1", "0.2"]
-    assert ax.get_xlabel() == "shifted-x" and crosses(ax) == [[2]]
-
-
-def test_stability_chart_states_that_its_steps_are_not_to_scale(folder):
-    ax = stability(folder, "shifted-x", {value: (0.5, 0.2) for value in ("0.1", "0.2", "0.8")})
-    assert ax.get_xlabel() == "shifted-x (steps are not to scale)"
-
-
-def test_stability_chart_draws_bars_for_conditions_that_are_not_numbers(folder):
-    ax = stability(folder, "matched-rooms", {"base": (0.6, 0.2), "corridor": (0.1, 0.2)})
-    assert [bar.get_height() for bar in ax.containers[1]] == [0.6, 0.1]
-    assert not [line for line in ax.lines if line.get_linestyle() == "-" and len(line.get_xdata()) > 1]
-    assert crosses(ax) == [[1]]
-
-
-def test_plots_are_displayed_in_a_notebook(folder):
-    assert plot.record(folder / "test.sqlite", 0)._repr_png_().startswith(b"\x89PNG")
