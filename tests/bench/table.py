@@ -5,12 +5,12 @@
 The columns are the code path, the value of echofuse, the limit of the machine, the ratio of the value to the limit, the
 peer program, and the ratio of the value to that of the peer. Other output of the benchmark programs (limits.hpp) is
 printed unchanged. Peers that are not installed are omitted."""
-import argparse
 import pathlib
 import sqlite3
 import subprocess
 import sys
 import time
+import timeit
 import zlib
 
 import numpy
@@ -24,12 +24,7 @@ rows, peers = {}, {}
 
 
 def best_s(rounds, work, clock=time.process_time):
-    taken = []
-    for _ in range(rounds):
-        began = clock()
-        work()
-        taken.append(clock() - began)
-    return min(taken)
+    return min(timeit.repeat(work, timer=clock, repeat=rounds, number=1))
 
 
 def run(*command):
@@ -46,15 +41,12 @@ def run(*command):
     return done.stdout
 
 
-def decode(depth):
-    return numpy.frombuffer(zlib.decompress(depth), "<u2").reshape(64, 64) / numpy.float32(1000)
-
-
 def load(path):
     """Returns the histogram, the range profile and the depth map of each record, read with NumPy."""
     with sqlite3.connect(f"file:{path}?mode=ro", uri=True) as run_file:
         found = run_file.execute("SELECT spd, radar, depth FROM record").fetchall()
-    return [(numpy.frombuffer(spd, "<u4"), numpy.frombuffer(radar, "<f4"), decode(depth)) for spd, radar, depth in found]
+    return [(numpy.frombuffer(spd, "<u4"), numpy.frombuffer(radar, "<f4"),
+             numpy.frombuffer(zlib.decompress(mm), "<u2").reshape(64, 64) / numpy.float32(1000)) for spd, radar, mm in found]
 
 
 def in_python(recorded, few):
@@ -64,8 +56,8 @@ def in_python(recorded, few):
         return run.spd, run.radar, run.depth
 
     records = len(load(recorded))
-    rows["loading a record in Python"] = "us", 1e6 * best_s(3, all_arrays) / records, 1e6 * best_s(3, lambda: echofuse.open(
-        recorded)) / records, "opening the run"
+    rows["loading a record in Python"] = ("us", 1e6 * best_s(3, all_arrays) / records,
+                                          1e6 * best_s(3, lambda: echofuse.open(recorded)) / records, "opening the run")
     peers["loading a record in Python"] = "NumPy, sqlite3, zlib", 1e6 * best_s(3, lambda: load(recorded)) / records
     for path in few, recorded:
         run = echofuse.open(path)
@@ -77,23 +69,18 @@ def in_python(recorded, few):
 
 def to_maps(recon, model, recorded, scratch):
     """Measures `reconstruct` and its peer in wall-clock time, because the command uses several threads."""
-    folders = iter(range(100))
-    records = len(load(recorded))
-    work = lambda: subprocess.run([recon, "reconstruct", model, recorded, "--format", "npy", "-q", "--out",
-                                   scratch / f"maps{next(folders)}"], check=True, stdout=subprocess.DEVNULL)
-    took = best_s(5, work, time.perf_counter)
+    numbers, records, name = iter(range(100)), len(load(recorded)), "records to NPY, a record"
+    command = [recon, "reconstruct", model, recorded, "--format", "npy", "-q", "--out"]
+    took = best_s(5, lambda: subprocess.check_output([*command, scratch / f"maps{next(numbers)}"]), time.perf_counter)
     maps = numpy.load(scratch / "maps0/maps.npy")
     copy = numpy.empty_like(maps)
-    name = "records to NPY, a record"
     rows[name] = "us", 1e6 * took / records, 1e6 * best_s(5, lambda: numpy.copyto(copy, maps)) / records, "copying the maps"
-    files = iter(range(100))
-    write = lambda: numpy.save(scratch / f"maps{next(files)}.npy", maps)
-    peers[name] = "numpy.save of ready maps", 1e6 * best_s(3, write, time.perf_counter) / records
+    peers[name] = "numpy.save of ready maps", 1e6 * best_s(
+        3, lambda: numpy.save(scratch / f"maps{next(numbers)}.npy", maps), time.perf_counter) / records
 
 
 def torch():
-    """Measures PyTorch on one thread, with a network of the same size: the training rate in GFLOP/s
-    and the time of one map in us."""
+    """Measures PyTorch on one thread, with a network of the same size: the training rate (GFLOP/s) and the time of a map."""
     try:
         import torch as t
     except ImportError:
@@ -123,8 +110,7 @@ def rays(count, half_tangent=0.55):
 
 
 def cast(capsules, ray):
-    """Returns z and albedo * cosine of the nearest capsule hit by each ray; infinity and 0 if a ray
-    hits no capsule."""
+    """Returns z and albedo * cosine of the nearest capsule hit by each ray; infinity and 0 if a ray hits no capsule."""
     nearest, light = numpy.full(len(ray), numpy.inf), numpy.zeros(len(ray))
     ray2 = numpy.einsum("ij,ij->i", ray, ray)
     for *ends, radius, albedo in capsules:
@@ -161,8 +147,7 @@ def histogram(capsules, ray, width_ps=100, first_ps=13343, bins=336, sigma_ps=84
 
 
 def scenes(program):
-    """Compares the program with a NumPy renderer on the same scenes. NumPy casts all rays at once, and uses the same number of
-    rays for the detector. The depth maps must agree within 1 mm."""
+    """Compares the program with a NumPy renderer on the same scenes and rays. The depth maps must agree within 1 mm."""
     people, counts = [], 0
     for line in subprocess.run([program, "--people"], capture_output=True, text=True, check=True).stdout.splitlines():
         kind, *numbers = line.split()
@@ -204,28 +189,18 @@ def print_table():
         print("| " + " | ".join(word.ljust(width) for word, width in zip(line, widths)) + " |")
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("build", type=pathlib.Path)
-    parser.add_argument("scratch", type=pathlib.Path)
-    options = parser.parse_args()
-    recon, bench = options.build / "bin/echofuse-recon", options.build / "bench"
-    recorded = options.scratch / "run"
-    subprocess.run([options.build / "bin/echofuse-sim", "dataset", "-q", "--seed", "1", "--out", recorded], check=True)
-    run(bench / "bench_recon", recorded)
-    peers["loading a record"] = "NumPy, sqlite3, zlib", 1e6 * best_s(2, lambda: load(recorded)) / len(load(recorded))
-    few = options.scratch / "few"
-    subprocess.run([options.build / "bin/echofuse-sim", "dataset", "-q", "--records", "400", "--out", few], check=True)
-    in_python(recorded, few)
-    model = options.scratch / "model.safetensors"
-    subprocess.run([recon, "train", recorded, "--model", "factorised-16", "--epochs", "10", "-q", "--out", model], check=True)
-    to_maps(recon, model, recorded, options.scratch)
-    torch()
-    run(bench / "bench_tags")
-    numpy.seterr(all="ignore")  # rays that hit nothing
-    scenes(bench / "bench_scenes")
-    print_table()
-
-
-if __name__ == "__main__":
-    main()
+build, scratch = map(pathlib.Path, sys.argv[1:])
+recon, bench = build / "bin/echofuse-recon", build / "bench"
+recorded, few, model = scratch / "run", scratch / "few", scratch / "model.safetensors"
+for path, *words in (recorded, "--seed", "1"), (few, "--records", "400"):
+    subprocess.run([build / "bin/echofuse-sim", "dataset", "-q", *words, "--out", path], check=True)
+run(bench / "bench_recon", recorded)
+peers["loading a record"] = "NumPy, sqlite3, zlib", 1e6 * best_s(2, lambda: load(recorded)) / len(load(recorded))
+in_python(recorded, few)
+subprocess.run([recon, "train", recorded, "--model", "factorised-16", "--epochs", "10", "-q", "--out", model], check=True)
+to_maps(recon, model, recorded, scratch)
+torch()
+run(bench / "bench_tags")
+numpy.seterr(all="ignore")  # rays that hit nothing
+scenes(bench / "bench_scenes")
+print_table()
