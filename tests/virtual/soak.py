@@ -1,11 +1,9 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Records in virtual time with random faults. Called as
-`tests/virtual/soak.py VIRTUAL_RUN [--hours H] [--seed N] [--keep DIR]`.
+"""Records in virtual time with random faults of several devices at the same time.
 
-Several devices may fail at the same time. Every slot must have a record, and scripts/audit_run.py must account for
-every loss. No slot may be late. A second run of the first hour must be bit-identical to the first run. If a condition is
-not met, the exit code is 1."""
+Every slot must have a record, and scripts/audit_run.py must account for every loss. No slot may be late. A second run of the
+first hour must be bit-identical to the first run. If a condition is not met, the exit code is 1."""
 import argparse
 import hashlib
 import importlib.machinery
@@ -55,13 +53,12 @@ def main():
     parser.add_argument("program")
     parser.add_argument("--hours", type=float, default=24)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--keep", type=pathlib.Path)
     args = parser.parse_args()
     slots = round(3600 * args.hours / WINDOW_S)
     fault_text = faults(slots * WINDOW_S, args.seed)
     wrong = []
     with tempfile.TemporaryDirectory(prefix="echofuse-", dir=folder_in_memory) as name:
-        folder = args.keep or pathlib.Path(name)
+        folder = pathlib.Path(name)
         cpu_s = record(args.program, folder / "whole", fault_text, slots, args.seed)
         (status, records, late_s, events), = query(folder / "whole/run.sqlite", """
             SELECT status, (SELECT count(*) FROM record), (SELECT max(closed_late_s) FROM record), (SELECT count(*) FROM event) FROM run""")
@@ -76,9 +73,8 @@ def main():
             wrong.append("the audit found unexplained differences")
         hour = min(slots, 3600 // WINDOW_S)
         parts = ("first" if hour < slots else "whole", "second")
-        for part in parts:
-            if part != "whole":
-                record(args.program, folder / part, fault_text, hour, args.seed)
+        for part in {*parts} - {"whole"}:
+            record(args.program, folder / part, fault_text, hour, args.seed)
         first, second = (hashlib.sha256((folder / part / "run.sqlite").read_bytes()).hexdigest() for part in parts)
         print("SHA-256 of two one-hour runs:", first[:16], second[:16])
         if first != second:
