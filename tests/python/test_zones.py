@@ -13,7 +13,7 @@ from echofuse.models.photon_baselines import FirstReturn
 from echofuse.runs import zones
 from fixtures import changed, model, outcome, plates
 
-ROOT = pathlib.Path(__file__).parents[2]
+EXAMPLES = pathlib.Path(__file__).parents[2] / "recon/python/examples"
 write = echofuse.write_run
 TWO = [zones.Zone(-0.17, 0.02, 0.3, 1100.0), zones.Zone(0.17, 0.02, 0.3, 1000.5)]
 
@@ -89,9 +89,8 @@ def test_first_return_map_shows_a_body_in_the_zone_above_and_to_the_left(tmp_pat
 
 
 def test_zones_example_compares_detectors_with_one_and_nine_zones():
-    done = subprocess.run([sys.executable, ROOT / "recon/python/examples/zones.py", "--zones", "1",
-                           "3", "--train", "60", "--test", "20", "--data-sets", "1", "--methods",
-                           "mean", "nearest:spd"], capture_output=True, text=True, check=True)
+    words = "zones.py --zones 1 3 --train 60 --test 20 --data-sets 1 --methods mean nearest:spd".split()
+    done = subprocess.run([sys.executable, *words], cwd=EXAMPLES, capture_output=True, text=True, check=True)
     rows = [line.split(",") for line in done.stdout.splitlines()]
     assert [(row[0], row[4]) for row in rows[1:]] == [
         (count, method) for count in ("1", "9") for method in ("truth", "mean", "nearest:spd")]
@@ -106,9 +105,9 @@ def test_models_of_zones_refuse_other_directions_in_python_and_in_the_programs(t
     path = model("ridge", own, "--inputs", "spd")
     other = changed(own, tmp_path / "other.sqlite", name)
     reader = echofuse.load_model(path)
-    with echofuse.open(own) as run:
-        assert len(reader.predict(run).depth_m) == 40
-    with echofuse.open(other) as run, pytest.raises(ValueError, match=said):
-        reader.predict(run)
+    assert len(reader.predict(own).depth_m) == 40
+    for run, text in (other, said), (plates("one_pixel", 40), "has 1 zones .expected by the model: 9"):
+        with pytest.raises(ValueError, match=text):
+            reader.predict(run)
     done = outcome("echofuse-recon", "reconstruct", "-q", path, other, "--out", tmp_path / "maps")
     assert done.returncode == 1 and said in done.stderr
