@@ -3,6 +3,7 @@
 import os
 import pathlib
 import pkgutil
+import re
 import shutil
 import subprocess
 import sys
@@ -12,7 +13,7 @@ import zipfile
 import pytest
 
 import echofuse
-from fixtures import BIN, program
+from fixtures import BIN, outcome, program
 
 SOURCE = pathlib.Path(__file__).resolve().parents[2] / "recon/python"
 AWAY = {key: value for key, value in os.environ.items() if key not in ("PYTHONPATH", "ECHOFUSE_BIN", "ECHOFUSE_ACQUIRE")}
@@ -66,13 +67,14 @@ NO_PROGRAM = "; add the programs to PATH, or set ECHOFUSE_BIN\n"
     ("echofuse.split(run)", "echofuse-recon", NO_PROGRAM), ("echofuse.record('lab.toml')", "echofuse-acquire", NO_PROGRAM),
     ("echofuse.write_run('own.sqlite', spd=[[1, 2]])", "echofuse-acquire", NO_PROGRAM)])
 def test_installed_wheel_reads_a_run_without_programs_and_names_a_missing_program(made, call, beginning, end):
-    code = f"import echofuse, sys\nrun = echofuse.open('monday.sqlite')\ntry:\n    {call}\nexcept RuntimeError as error:\n    print(error)"
+    code = f"import echofuse, sys\nrun = echofuse.open('monday')\ntry:\n    {call}\nexcept RuntimeError as e:\n    print(e)"
     done = python("-c", code, at=made, env=AWAY | {"PATH": ""}, python=made / "venv/bin/python")
     assert beginning in done.stdout and done.stdout.endswith(end) and done.stdout.count("\n") == 1, done.stdout + done.stderr
 
 
 def test_installed_wheel_writes_a_report_page(made):
-    done = python("out", "--live", "monday.sqlite", at=made, env=AWAY | {"ECHOFUSE_BIN": str(BIN)}, python=made / "venv/bin/echofuse-report")
+    env, program = AWAY | {"ECHOFUSE_BIN": str(BIN)}, made / "venv/bin/echofuse-report"
+    done = python("out", "--live", "monday.sqlite", at=made, env=env, python=program)
     assert done.returncode == 0, done.stderr
     page = (made / "out/report.html").read_text(encoding="utf-8")
     assert "monday" in page and "uPlot" in page
@@ -91,6 +93,15 @@ def test_import_of_echofuse_loads_no_other_package_than_numpy():
     loaded = python("-c", code, at=SOURCE, env=AWAY | {"PYTHONPATH": str(SOURCE)}).stdout.split()
     packages = {name.partition(".")[0] for name in loaded} - sys.stdlib_module_names
     assert packages - {"numpy"} == {"echofuse"}
+
+
+@pytest.mark.parametrize("words, count", [("export", 5), ("report", 10), ("bench", 2), ("bench pareto", 11), ("bench stability", 16),
+                                          ("bench run", 15), ("bench letters", 2)])
+def test_help_describes_every_option(words, count):
+    name, *command = words.split()
+    said = outcome(f"echofuse-{name}", *command, "--help", env=os.environ | {"COLUMNS": "400"}).stdout
+    options = re.findall(r"^ +(-\S.*)", re.sub(r"\n {10,}", "   ", said), re.M)
+    assert len(options) == count and all("  " in option for option in options), options
 
 
 SCRIPT = """
@@ -113,8 +124,8 @@ print(truth.shape, some, one.depth.shape, first.shape, iou.mean())
 def mypy(*words):
     """Returns the last line of mypy. The mypy cache is in the build folder, so that NumPy is analysed only once."""
     pytest.importorskip("mypy")
-    return python("-m", "mypy", "--config-file", SOURCE / "pyproject.toml", "--cache-dir", BIN.parent / "mypy", *words, at=SOURCE,
-                  env=os.environ).stdout.splitlines()[-1]
+    words = ["--config-file", SOURCE / "pyproject.toml", "--cache-dir", BIN.parent / "mypy", *words]
+    return python("-m", "mypy", *words, at=SOURCE, env=os.environ).stdout.splitlines()[-1]
 
 
 def test_mypy_finds_no_type_error_in_the_package_or_a_user_script(tmp_path):
