@@ -31,7 +31,6 @@ def other_bytes(path, rng):
 
 
 def other_value(path, rng):
-    """Replaces a value in a table of a run."""
     columns = [(table, column) for table in ("run", "axis", "record", "calibration", "antenna")
                for column, in query(path, f"SELECT name FROM pragma_table_info('{table}')")]
     table, column = columns[rng.integers(len(columns))]
@@ -52,7 +51,7 @@ def read_all(path):
 @pytest.mark.parametrize("read, damage", [(read_all, other_bytes), (read_all, other_value), (echofuse.load_model, other_bytes)])
 def test_reading_a_damaged_file_raises_only_errors_that_name_the_file(tmp_path, read, damage):
     whole = scenes(20) if read == read_all else model("mlp-8", scenes(20), "--epochs", 2)
-    data, rng, path = whole.read_bytes(), np.random.default_rng(1), tmp_path / whole.name
+    data, rng, path = whole.read_bytes(), np.random.default_rng(1), tmp_path / "file.sqlite"
     for _ in range(MUTANTS):
         path.write_bytes(data)
         damage(path, rng)

@@ -63,7 +63,6 @@ def test_run_of_format_3_is_converted(tmp_path):
 
 @pytest.mark.parametrize("kind", ["one_pixel", "nine_zones"])
 def test_package_reads_the_values_that_the_manual_describes(kind):
-    """Reads the tables in the way that acquire/RUN_FILE.md describes."""
     path = plates(kind, 6)
     run = echofuse.open(path)
     axes = {name: axis for name, *axis in query(path, "SELECT name, quantity, unit, count, start, step FROM axis")}

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Tests that the Python implementation of the models (recon/python/echofuse/models/method.py) and echofuse-recon predict the
-same foreground, and depths that agree within 0.1 mm."""
+"""Tests that the models in Python and echofuse-recon predict the same foreground, and depths that agree within 0.1 mm."""
 import csv
 import dataclasses
 import shutil
@@ -9,30 +8,21 @@ import numpy as np
 import pytest
 
 import echofuse
-from fixtures import change, json_of, outcome, plates, program, scenes
+from fixtures import change, changed, json_of, outcome, plates, program, scenes
 
-# Simulator settings of each run, by run name.
+FAST = ["factorised-8"]
+# Simulator settings of each run, and the models that are trained and compared on it, by run name.
 RUNS = {
-    "50cm": [],
-    "4cm": ["radar_resolution_m=0.088"],
-    "antennas": ["radar_antennas=8", "radar_sum=coherent"],
-    "room": ["background=room"],
-    "piled-up": ["pulses_per_window=20000", "spd_dead_time_ps=30000"],
-    "calibrated": [],
-    "zones": ["spd_zones=3"],
-}
-# Models that are trained and compared on each run, by run name.
-KINDS = {
-    "50cm": [["factorised-8"], ["mean-shape"], ["mlp-64-32"], ["mlp-mask-32"], ["pca-mlp-64"], ["ridge"], ["mean"],
-             ["pca-mlp-64", "--inputs", "spd"]],
-    "4cm": [["factorised-8"]],
-    "antennas": [["factorised-8"]],
-    "room": [["factorised-8"]],
-    "piled-up": [["factorised-8"]],
-    "calibrated": [["factorised-8"]],
-    "zones": [["factorised-8"], ["factorised-8", "--inputs", "spd"], ["mlp-64"]],
-    "one_pixel": [["factorised-8"], ["mlp-64"]],
-    "nine_zones": [["factorised-8"], ["factorised-8", "--inputs", "spd"], ["mlp-64"]],
+    "50cm": ([], [FAST, ["mean-shape"], ["mlp-64-32"], ["mlp-mask-32"], ["pca-mlp-64"], ["ridge"], ["mean"],
+                  ["pca-mlp-64", "--inputs", "spd"]]),
+    "4cm": (["radar_resolution_m=0.088"], [FAST]),
+    "antennas": (["radar_antennas=8", "radar_sum=coherent"], [FAST]),
+    "room": (["background=room"], [FAST]),
+    "piled-up": (["pulses_per_window=20000", "spd_dead_time_ps=30000"], [FAST]),
+    "calibrated": ([], [FAST]),
+    "zones": (["spd_zones=3"], [FAST, [*FAST, "--inputs", "spd"], ["mlp-64"]]),
+    "one_pixel": (None, [FAST, ["mlp-64"]]),
+    "nine_zones": (None, [FAST, [*FAST, "--inputs", "spd"], ["mlp-64"]]),
 }
 
 
@@ -54,15 +44,13 @@ def as_the_daemon_writes(path):
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory):
     folder = tmp_path_factory.mktemp("method")
-    for name, settings in RUNS.items():
-        words = [word for setting in settings for word in ("--set", setting)]
-        shutil.copyfile(scenes(60, 1, *words), folder / f"{name}.sqlite")
+    for name, (settings, _) in RUNS.items():
+        made = plates(name, 60) if settings is None else scenes(60, 1, *(word for one in settings for word in ("--set", one)))
+        shutil.copyfile(made, folder / f"{name}.sqlite")
     for name in ("calibrated", "antennas"):
         for sensor, offset_m in (("spd", 0.031), ("radar", 0.087)):
             change(folder / f"{name}.sqlite", "offset ?2 of the sensor ?1", sensor, offset_m)
     change(folder / "piled-up.sqlite", "filtered sync and unknown clicks per pulse in every second record")
-    for name in ("one_pixel", "nine_zones"):
-        shutil.copyfile(plates(name, 60), folder / f"{name}.sqlite")
     return folder
 
 
@@ -71,9 +59,7 @@ def runs(tmp_path_factory):
 def test_python_predictions_equal_those_of_echofuse_recon_for_runs_with_other_units_or_axes(runs, tmp_path, name, difference):
     """The run has logarithmic radar codes, a symmetric or asymmetric radar response that differs from that of the
     training run, or axes that are shifted by less than a bin."""
-    trained, run, model = tmp_path / "trained.sqlite", tmp_path / "run.sqlite", tmp_path / "model"
-    for copy in (trained, run):
-        copy.write_bytes((runs / f"{name}.sqlite").read_bytes())
+    trained, run = (shutil.copy(runs / f"{name}.sqlite", tmp_path / f"{part}.sqlite") for part in ("trained", "run"))
     stated(trained, np.exp(-np.arange(8) ** 2 / 14))
     if difference == "axes":
         change(run, "SPD axis shifted by ?1 bins", 0.3)
@@ -84,23 +70,19 @@ def test_python_predictions_equal_those_of_echofuse_recon_for_runs_with_other_un
         stated(run, np.exp(-np.arange(-9, 8) ** 2 / np.where(np.arange(-9, 8) < 0, 22, 9)))
     elif name == "50cm":
         as_the_daemon_writes(run)
-    program("echofuse-recon", "train", "-q", trained, "--model", "factorised-8", "--epochs", 1, "--out", model)
-    program("echofuse-recon", "reconstruct", "-q", model, run, "--out", tmp_path / "maps", "--format", "npy")
-    compare(model, run, tmp_path / "maps")
+    compare(tmp_path, trained, run, "factorised-8", "--epochs", 1)
 
 
-@pytest.mark.parametrize(("name", "kind"), [(name, kind) for name, kinds in KINDS.items() for kind in kinds])
+@pytest.mark.parametrize(("name", "kind"), [(name, kind) for name, (_, kinds) in RUNS.items() for kind in kinds])
 def test_maps_predicted_in_python_equal_those_of_echofuse_recon(runs, tmp_path, name, kind):
-    model, run = tmp_path / "model", runs / f"{name}.sqlite"
     epochs = ["--epochs", 1] if kind[0].rstrip("-0123456789") in ("factorised", "mean-shape", "mlp", "mlp-mask", "pca-mlp") else []
-    program("echofuse-recon", "train", "-q", run, "--model", *kind, *epochs, "--set", "fallback=false", "--out", model)
-    program("echofuse-recon", "reconstruct", "-q", model, run, "--out", tmp_path / "maps", "--format", "npy")
-    compare(model, run, tmp_path / "maps")
+    compare(tmp_path, *[runs / f"{name}.sqlite"] * 2, *kind, *epochs, "--set", "fallback=false")
 
 
-def compare(model, run, maps):
-    program_made, index = echofuse.load_maps(maps)
-    loaded = echofuse.load_model(model)
+def compare(folder, trained, run, *kind):
+    program("echofuse-recon", "train", "-q", trained, "--out", folder / "model", "--model", *kind)
+    program("echofuse-recon", "reconstruct", "-q", folder / "model", run, "--out", folder / "maps", "--format", "npy")
+    (program_made, index), loaded = echofuse.load_maps(folder / "maps"), echofuse.load_model(folder / "model")
     found = loaded.predict(run)
     background = loaded.estimators[0].t["scene/background_m"].reshape(loaded.estimators[0].size, -1)
     depth_m, by_program_m = np.nan_to_num(found.depth_m), np.nan_to_num(program_made)
@@ -124,10 +106,7 @@ def test_range_offset_shifts_the_lags_of_arrays_and_runs_alike(runs, tmp_path):
 
 
 def histogram(bin_, count):
-    """Returns a histogram in which one bin contains `count` and all others 3."""
-    counts = np.full(336, 3, "<u4")
-    counts[bin_] = count
-    return counts.tobytes()
+    return np.where(np.arange(336) == bin_, count, 3).astype("<u4").tobytes()
 
 
 def record_3(column, value):
@@ -140,8 +119,9 @@ def metadata(**entries):
 
 @pytest.mark.parametrize("name, faulty, changes", [
     *(("50cm", True, record_3(*change)) for change in (
-        ("radar", np.array([np.nan] * 29, "<f4").tobytes()), ("radar", np.array([1e38] * 29, "<f4").tobytes()), ("spd", None), ("spd", histogram(7, 5 * 10 ** 8)),
-        ("spd", histogram(9, 2 ** 32 - 1)), ("slot_utc_ns", -5), ("slot_end_ns", 0), ("clicks_per_pulse", -1), ("in_range", -1), ("valid", "x"))),
+        *(("radar", value) for value in (7.5, *(np.full(29, power, "<f4").tobytes() for power in (np.nan, 1e38)))),
+        *(("spd", value) for value in (7, None, histogram(7, 5 * 10 ** 8), histogram(9, 2 ** 32 - 1))), ("slot_utc_ns", -5),
+        ("slot_end_ns", 0), ("clicks_per_pulse", -1), ("in_range", -1), ("valid", "x"))),
     *(("50cm", False, record_3(*change)) for change in (("slot_utc_ns", "noon"), ("label", None), ("depth", None))),
     *(("50cm", False, metadata(radar_cell_m=cell, radar_taps=taps)) for cell, taps in (
         ("0.25", "1 0.5"), ("0.25", "0.5 0.5 0.5"), ("-0.25", "1 0.5 0.2"), ("0_25", "1 0.5 0.2"), ("0.25 +- 0.01", "1 0.5 0.2"), ("nan", "1 0.5 0.2"),
@@ -179,9 +159,8 @@ def test_python_and_echofuse_recon_judge_damaged_records_and_metadata_alike(runs
     ("the run table is empty", [("without a run",)]), ("meta", [("metadata of the run", '{"lens": "\\ud800"}')]),
 ])
 def test_python_and_echofuse_acquire_refuse_the_same_runs(runs, tmp_path, said, changes):
-    run = tmp_path / "run.sqlite"
-    run.write_bytes((runs / "antennas.sqlite").read_bytes())
-    for one in [("without calibration",), *changes]:
+    run = changed(runs / "antennas.sqlite", tmp_path / "run.sqlite", "without calibration")
+    for one in changes:
         change(run, *one)
     with pytest.raises(ValueError, match=f"^{run}: .*{said}"):
         echofuse.open(run)
@@ -199,25 +178,24 @@ def test_loaded_model_describes_its_inputs_and_accepts_arrays(runs, tmp_path):
     assert repr(maps) == "<echofuse maps: 60 maps of 64 x 64 pixels, m, tangents within 0.55>"
     # If radar data are missing, the model uses its SPD fallback.
     assert set(model.predict(spd=run.photons()).inputs) == {"spd"}
-    with pytest.raises(ValueError, match=r"spd: shape \[60, 3\] \(expected \[n, "):
-        model.predict(spd=run.photons()[:, :3], radar=run.power())
-    with pytest.raises(ValueError, match="the same number of records in both"):
-        model.predict(spd=run.photons()[:7], radar=run.power())
-    with pytest.raises(ValueError, match="a run or arrays, not both"):
-        model.predict(run, spd=run.photons())
+    assert len(model.predict(spd=run.photons(), range_offset_m=0.1)) == 60
     assert len(model.predict(spd=run.photons()[:0], radar=run.power()[:0]).depth_m) == 0
     spd = run.photons()
-    for value in np.nan, -50:
-        spd[7, 3] = value
-        with pytest.raises(ValueError, match="spd: row 7 contains a non-finite value or a negative count"):
-            model.predict(spd=spd, radar=run.power())
-    with pytest.raises(ValueError, match="spd: row 7 is masked in part"):
-        model.predict(spd=np.ma.masked_less(spd, 0), radar=run.power())
     spd[7], spd[8] = 5, np.nan
     some = model.predict(spd=spd, radar=run.power())
     assert some.faults == {7: "spd is the same in every bin", 8: "lacks spd, which the model needs"} and len(some) == 58
-    with pytest.raises(ValueError, match=r"spd axis: \d+ points of counts from -?[\d.e+]+ ps in steps of 120 \(expected by .*: \d+ points of counts from"):
-        model.predict(spd=run.photons(), radar=run.power(), axes={"spd": dataclasses.replace(run.axes["spd"], step=120.0)})
+    odd = np.where(np.arange(spd[0].size) == 3, np.nan, run.photons())
+    for said, arrays in (
+            (r"spd: shape \[60, 3\] \(expected \[n, ", {"spd": spd[:, :3]}), ("number of records in both", {"spd": spd[:7]}),
+            ("spd: row 0 contains a non-finite value or a negative count", {"spd": odd}),
+            ("spd: row 0 contains a non-finite value or a negative count", {"spd": np.nan_to_num(odd, nan=-50)}),
+            ("row 0 is masked in part", {"spd": np.ma.masked_invalid(odd)}), ("spd..: None .expected", {"axes": {"spd": None}}),
+            (r"spd axis: \d+ points of counts from -?[\d.e+]+ ps in steps of 120 \(expected by .*: \d+ points of counts from",
+             {"axes": {"spd": dataclasses.replace(run.axes["spd"], step=120.0)}})):
+        with pytest.raises(ValueError, match=said):
+            model.predict(**{"spd": run.photons(), "radar": run.power()} | arrays)
+    with pytest.raises(ValueError, match="a run or arrays, not both"):
+        model.predict(run, spd=run.photons())
     assert np.array_equal(maps[3], maps.depth_m[3], equal_nan=True) and maps[[1, 2]].index.tolist() == [1, 2]
     assert len(maps[maps.index > 50]) == 9 and maps[-2:].inputs == maps.inputs[-2:]
     for table in (run.spd, run.radar, run.depth):
@@ -227,9 +205,6 @@ def test_loaded_model_describes_its_inputs_and_accepts_arrays(runs, tmp_path):
         for shift in lambda m: model.predict(run, range_offset_m=m), run.power:
             with pytest.raises(ValueError, match=f"^range_offset_m: {said} .expected"):
                 shift(offset_m)
-    assert len(model.predict(spd=run.photons(), range_offset_m=0.1)) == 60
-    with pytest.raises(ValueError, match="axes..spd..: None .expected an Axis"):
-        model.predict(spd=run.photons(), axes={"spd": None})
     maps.save(tmp_path / "maps")
     again, index = echofuse.load_maps(tmp_path / "maps")
     assert np.array_equal(again, maps.depth_m, equal_nan=True) and index.tolist() == maps.index.tolist()
