@@ -1,8 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
 """tests/python/octave.py BIN_DIR: runs the MATLAB example of recon/PYTHON.md in Octave, on an exported run. Octave in Debian 12
-has no h5read, so a function based on h5py replaces it. The test checks the names and the order of the array dimensions, and
-that Octave's load() can read the complete file. It does not check MATLAB itself."""
+has no h5read, so a function based on h5py replaces it. Octave's load() must also read the complete file."""
 import contextlib
 import pathlib
 import re

@@ -12,12 +12,9 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 
 
 def table(fine, *coarse):
-    """Runs the example with 12 records. Returns {coarse setting: {error column: error relative to the fine
-    setting}}."""
-    words = ["--fine", fine, "--coarse", *coarse, "--records", "12"]
-    done = subprocess.run([sys.executable, ROOT / "recon/python/examples/detail.py", *words],
-                          env=os.environ | {"ECHOFUSE_BIN": str(BIN)}, check=True,
-                          capture_output=True, text=True)
+    """Runs the example with 12 records. Returns {coarse setting: {error column: error relative to the fine setting}}."""
+    command = [sys.executable, ROOT / "recon/python/examples/detail.py", "--fine", fine, "--coarse", *coarse, "--records", "12"]
+    done = subprocess.run(command, env=os.environ | {"ECHOFUSE_BIN": str(BIN)}, check=True, capture_output=True, text=True)
     rows = csv.DictReader(done.stdout.splitlines())
     return {row.pop("setting"): {key: float(value) for key, value in row.items()} for row in rows}
 

@@ -6,15 +6,13 @@ import pytest
 from echofuse.bench import derive, fog, stability
 from echofuse.runs.run import PS_PER_M
 
-SETTINGS = {"half_tangent": 0.55, "spd_field": 1, "spd_falloff": 0, "signal_photons": 1e5,
-            "background_counts": 0, "pulses_per_window": 0, "bin_width_ps": 100,
-            "first_bin_ps": 13343, "spd_delay_ps": 0}
+SETTINGS = {"half_tangent": 0.55, "spd_field": 1, "spd_falloff": 0, "signal_photons": 1e5, "background_counts": 0,
+            "pulses_per_window": 0, "bin_width_ps": 100, "first_bin_ps": 13343, "spd_delay_ps": 0}
 
 
 @pytest.mark.parametrize("visibility_m", [5, 20, 200, 300, 499])
 def test_fog_extinction_matches_the_kim_model_below_500_m_visibility(visibility_m):
-    """At visibilities below 500 m, the extinction at 1550 nm equals that at 550 nm (Kim, Proc. SPIE
-    4214, 26, 2001)."""
+    """At visibilities below 500 m, the extinction at 1550 nm equals that at 550 nm (Kim, Proc. SPIE 4214, 26, 2001)."""
     assert fog.extinction_per_m(visibility_m) * visibility_m == pytest.approx(3.912, rel=0.12)
 
 
@@ -42,8 +40,7 @@ def test_fog_backscatter_comes_only_from_the_detector_field_of_view():
 
 
 def test_fog_is_applied_before_pile_up_and_does_not_attenuate_background_counts():
-    assert mean_counts(20, background_counts=33600)[-50:] == pytest.approx(
-        mean_counts(20)[-50:] + 100, rel=0.03)
+    assert mean_counts(20, background_counts=33600)[-50:] == pytest.approx(mean_counts(20)[-50:] + 100, rel=0.03)
     rate, pulses = mean_counts(20), 100_000
     waiting = np.exp(-np.cumsum([0, *rate[:-1]]) / pulses)
     piled = mean_counts(20, pulses_per_window=pulses, records=50)
@@ -62,6 +59,22 @@ def test_bench_simulates_the_same_scenes_with_and_without_fog(tmp_path):
     near = slice(0, 20)  # In range bins in front of all bodies, all counts are backscatter from fog.
     assert clear.spd[:, near].sum() == 0 and thick.spd[:, near].sum() > 12 * 2000
     assert thick.spd.sum(axis=1).max() < 200_000 < thick.spd.sum()
+
+
+def test_bench_simulates_bodies_aside_and_walking_people(tmp_path):
+    source, runs = stability.Simulated(["radar_frames=20", "background_counts=1000"], 8, 8), {}
+    for name, world in (("aside", stability.World(at_x_m=0.6)), ("walk", stability.World(walk_m=1.0)), ("stand", stability.World(walk_m=1e-9))):
+        (tmp_path / name).mkdir()
+        runs[name] = derive.read(source.test(world, 1, tmp_path / name)).run
+    # The bodies are alternately on the left and on the right. Two of eight records show people.
+    across = [np.nanmean(np.where(np.isfinite(depth), runs["aside"].axes["map_x"].values, np.nan)) for depth in runs["aside"].maps()]
+    assert np.sign(across).tolist() == [-1, 1] * 4
+    assert [[label.split(":")[0] for label in runs[name].labels] for name in ("aside", "walk")] == [
+        ["person"] * 2 + ["letter"] * 6, (["person"] + ["letter"] * 3) * 2]
+    # The light of a walking person is spread over more bins. The map shows the middle of the path.
+    walk, stand = runs["walk"], runs["stand"]
+    assert np.array_equal(walk.maps(), stand.maps(), equal_nan=True) and int(walk.spd.sum()) == pytest.approx(int(stand.spd.sum()), rel=0.1)
+    assert (walk.spd.max(1) < stand.spd.max(1)).sum() > 5
 
 
 def test_bench_refuses_fog_combined_with_a_detector_dead_time(tmp_path):
