@@ -134,6 +134,12 @@ def test_plot_functions_draw_into_given_axes(folder):
     assert plot.maps({"truth": run, "ours": maps}, index=7, ax=axes[:2]) is figure
     shown = axes[1].images[0].get_array()
     assert np.array_equal(shown.filled(np.nan), maps.depth_m[list(maps.index).index(7)], equal_nan=True)
+    costs = table(folder / "costs.csv", COSTS, ["model,1,mlp-4,fused,m,1,0.5,0.1,10,5"])
+    ious = table(folder / "ious.csv", IOU, ["matched-x,1,mlp-4,fused,-,1,0.5"])
+    for draw, *given in ((plot.pareto, costs), (plot.stability, ious, "matched-x"), (plot.timeline, run), (plot.record, run, 0),
+                         (plot.shares, {"truth": run.maps()[0]}, 0.5)):
+        other, panels = plot.figure(4)
+        assert draw(*given, ax=panels) is other, draw
     assert plot.learning_curve(trained, ax=axes[2]) is figure
     assert [(line.get_label(), *line.get_xdata()) for line in axes[2].lines] == [("training", 1, 2, 3), ("validation", 1, 2, 3)]
     clocks = plot.timeline(run).axes[-1].lines
