@@ -95,8 +95,8 @@ def test_import_of_echofuse_loads_no_other_package_than_numpy():
     assert packages - {"numpy"} == {"echofuse"}
 
 
-@pytest.mark.parametrize("words, count", [("export", 5), ("report", 10), ("bench", 2), ("bench pareto", 11), ("bench stability", 16),
-                                          ("bench run", 15), ("bench letters", 2)])
+@pytest.mark.parametrize("words, count", [("export", 5), ("report", 10), ("bench", 2), ("bench pareto", 11),
+                                          ("bench stability", 16), ("bench run", 15), ("bench letters", 2)])
 def test_help_describes_every_option(words, count):
     name, *command = words.split()
     said = outcome(f"echofuse-{name}", *command, "--help", env=os.environ | {"COLUMNS": "400"}).stdout
