@@ -334,14 +334,14 @@ def test_closed_run_in_wal_mode_can_be_read_from_a_read_only_folder(folder, tmp_
     # File permissions do not restrict root, so root drops its capabilities.
     as_user = ["setpriv", "--bounding-set=-all", "--inh-caps=-all"] if os.geteuid() == 0 else []
     look = f"import echofuse; print(len(echofuse.open({str(closed / 'monday')!r})))"
-    for wal, said in (None, "60\n"), (b"records", "monday.sqlite-wal; copy both"):
-        if wal:
+    for wal, said in (None, "60\n"), (b"", "60\n"), (b"records", "monday.sqlite-wal; copy both"):
+        if wal is not None:
             (closed / "monday.sqlite-wal").write_bytes(wal)
         closed.chmod(0o500)
         done = subprocess.run([*as_user, "/usr/bin/python3", "-c", look], text=True, capture_output=True)
         closed.chmod(0o700)
         assert said in done.stdout + done.stderr
-        assert wal or os.listdir(closed) == ["monday.sqlite"]
+        assert wal is not None or os.listdir(closed) == ["monday.sqlite"]
 
 
 def test_record_function_records_a_run_and_returns_it(tmp_path, monkeypatch):

@@ -105,6 +105,13 @@ def test_background_without_returns_may_be_nan_zero_or_masked():
         assert np.array_equal(metrics.Scene(given, 3.0).true_mask(truth), metrics.Scene(background, 3.0).true_mask(truth))
 
 
+@pytest.mark.parametrize("maps, without, background_m", [(5, 1, 0), (6, 1, 5), (10, 2, 0), (11, 2, 5)])
+def test_background_has_no_return_where_a_fifth_of_the_training_maps_has_none(maps, without, background_m):
+    table = np.full((maps, 8, 8), 5.0)
+    table[:without, 0, 0] = np.nan
+    assert metrics.Scene.of_maps(table).background_m[0, 0] == background_m
+
+
 def test_masked_pixels_of_maps_have_no_return(tmp_path):
     scene, body = metrics.Scene(np.zeros((8, 8), np.float32), 3.0), np.full((1, 8, 8), 3.0)
     hidden = np.broadcast_to(np.arange(8) < 4, body.shape)
