@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import echofuse
+from echofuse.runs import lags
 from fixtures import change, changed, json_of, outcome, plates, program, scenes
 
 FAST = ["factorised-8"]
@@ -92,6 +93,17 @@ def compare(folder, trained, run, *kind):
     assert shown_by_program.any()
     assert other.sum() <= 3  # Rounding may change up to three pixels that are at the foreground threshold.
     assert np.abs(depth_m - by_program_m)[~other].max() < 1e-4
+
+
+@pytest.mark.parametrize("places, pairs, quantity", [
+    ([(0, 0), (1, 0), (2, 0)], ({1: [(1, 0), (2, 1)], 2: [(2, 0)]}, {}), "lags"),
+    ([(0, 0), (1.005, 0), (3.02, 0)], ({1: [(1, 0)]}, {}), "lags"), ([(0, 0), (1, 0.02)], ({}, {}), None),
+    ([(0, 0), (1, 0), (1, 2)], ({1: [(1, 0)]}, {2: [(2, 1)]}), "lags 1 3, 2 up"), ([(0, 0), (0, 1)], ({}, {}), None),
+    ([(0, 0), (16, 0), (33, 0)], ({16: [(1, 0)]}, {}), "lags 16")])
+def test_pairs_of_antennas_have_whole_spacings_of_up_to_16_half_wavelengths(places, pairs, quantity):
+    found = lags.pairs_of([(*place, 1, 0) for place in places])
+    axis = lags.axis_of(echofuse.Axis("array", "covariance", "m", 4, 0, 1, 7), found)
+    assert found == pairs and (axis and axis.quantity) == quantity
 
 
 def test_range_offset_shifts_the_lags_of_arrays_and_runs_alike(runs, tmp_path):

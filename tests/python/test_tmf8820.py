@@ -106,6 +106,11 @@ def test_random_records_of_a_seed_keep_their_objects_and_counts():
     assert bins / total == pytest.approx([16.946, 21.248, 24.783, 29.699, 31.847, 28.997, 24.337, 25.877], rel=1e-3)
 
 
+def test_response_of_a_zone_is_the_reference_above_its_background_raised_to_a_power():
+    response, peak = zone_fit.response_of(5.0 + 100 * (np.arange(128) == 30) + 50 * (np.arange(128) == 40), 2)
+    assert peak == 30 and response[[29, 30, 40]] == pytest.approx([0, 0.8, 0.2])
+
+
 def test_table_is_the_highest_large_horizontal_plane():
     tilted = TABLE + TABLE[..., :1] * (0, 0, 0.05) + (0, 0, 0.3)
     small, large = 0.6 * TABLE + (0, 0, 0.2), 0.8 * TABLE + (0, 0, 0.1)
