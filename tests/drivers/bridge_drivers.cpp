@@ -93,8 +93,8 @@ TEST_CASE("the tagger driver receives tags from a bridge and reports each connec
   const HostTime sent = b.loop.now();
   b.send({b.golden[0], b.golden[1]});
   CHECK(b.sink.state() == streaming);
-  CHECK(b.sink.info.model + ", " + b.sink.info.serial + ", " + b.sink.info.firmware ==
-        "Time Tagger Ultra, 1808000BBV, 2.10");
+  CHECK(std::vector{b.sink.info.model, b.sink.info.serial, b.sink.info.firmware} ==
+        std::vector<std::string>{"Time Tagger Ultra", "1808000BBV", "2.10"});
   CHECK(b.sink.info.address == address);
   REQUIRE(b.sink.blocks.size() == 1);
   CHECK(b.sink.blocks[0].lost_blocks == 0);

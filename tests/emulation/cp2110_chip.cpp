@@ -32,7 +32,8 @@ bool Cp2110Chip::set_feature(ByteView report) {
 std::optional<Bytes> Cp2110Chip::get_feature(std::uint8_t id) {
   if (id != status_id) return std::nullopt;
   const auto fill = static_cast<std::uint16_t>(fifo_.size());
-  const std::uint8_t low = fill & 0xff, high = fill >> 8, errors = overrun_ ? 2 : 0;
+  const auto low = static_cast<std::uint8_t>(fill), high = static_cast<std::uint8_t>(fill >> 8);
+  const std::uint8_t errors = overrun_ ? 2 : 0;
   overrun_ = false;
   return Bytes{id, 0, 0, high, low, errors, 0};
 }
