@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import echofuse
-from echofuse import metrics
+from echofuse import metrics, models
 from fixtures import program, scenes
 
 COLUMNS = {"iou": metrics.iou, "depth_mae_m": metrics.depth_mae_m, "lateral_m": metrics.lateral_m, "ssim_fg": metrics.ssim_fg,
@@ -120,3 +120,13 @@ def test_masked_pixels_of_maps_have_no_return(tmp_path):
     echofuse.save_maps(tmp_path, np.ma.array(body, mask=hidden), [3])
     assert np.array_equal(np.isnan(echofuse.load_maps(tmp_path)[0]), hidden)
 
+
+def test_scenes_splits_and_maps_are_equal_if_their_values_are():
+    def made(depth_m, number):
+        maps = np.array([[[depth_m, np.nan], [2, 3]]], np.float32)
+        return (metrics.Scene(maps[0], 1.5), echofuse.Split(*(np.array([number, k]) for k in range(3))),
+                models.Maps(maps, np.array([number]), np.arange(2.), np.arange(2.), ["spd"], 0.5))
+    for one, same, other in zip(made(1, 7), made(1, 7), made(1.5, 8)):
+        assert one == same and one != other and one != 7
+        with pytest.raises(TypeError, match="unhashable"):
+            hash(one)

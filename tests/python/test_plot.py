@@ -113,6 +113,9 @@ def test_plot_functions_save_figures_and_refuse_missing_records(folder):
         plot.record(folder / "test.sqlite", 99)
     with pytest.raises(TypeError, match="half_tangent"):
         plot.map(np.ones((4, 4)))
+    for draw in plot.maps, plot.shares:
+        with pytest.raises(ValueError, match=r"named: \[1\] \(expected a dict\)"):
+            draw([1], 0.5)
 
 
 def test_power_by_direction_is_largest_in_the_direction_of_the_source():

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike, NDArray
 
-from .runs.arguments import number, plain
+from .runs.arguments import ComparedByValue, number, plain
 from .runs.axis import tangents
 
 __all__ = ["Scene", "depth_mae_m", "ghost", "iou", "lateral_m", "ssim_fg"]
@@ -74,8 +74,8 @@ def ratio(numerator: NDArray[Any], denominator: NDArray[Any], minimum: float = 0
     return np.where(valid, numerator / np.where(valid, denominator, 1), np.nan)
 
 
-@dataclass(frozen=True)
-class Scene:
+@dataclass(frozen=True, eq=False)
+class Scene(ComparedByValue):
     """Background and foreground depths of the training maps (recon/metrics/scene_model.hpp). Raises
     ValueError if a value is impossible."""
 

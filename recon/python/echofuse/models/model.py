@@ -16,7 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from .. import runs
 from ..runs import grid
-from ..runs.arguments import RANGE_OFFSET_M, entries, is_single, number, plain, refused, rows_of
+from ..runs.arguments import (RANGE_OFFSET_M, ComparedByValue, entries, is_single, number, plain,
+                              refused, rows_of)
 from ..runs.axis import Axis, tangents
 from ..runs.batches import blocks
 from ..runs.run import opened
@@ -161,8 +162,8 @@ class Arrays:
         return self._table("lags", (0, 1), range_offset_m)
 
 
-@dataclass(frozen=True, repr=False)
-class Maps:
+@dataclass(frozen=True, repr=False, eq=False)
+class Maps(ComparedByValue):
     """Depth maps predicted by a model. maps.depth_m[i] is the map of the record maps.index[i]."""
 
     depth_m: NDArray[np.float32]  #: z [n, N, N], m, top-left pixel first; NaN: no return

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .. import models, runs
 from ..models.maps import span_of
-from ..runs.arguments import plain
+from ..runs.arguments import entries, plain
 from ..runs.run import opened
 
 __all__ = ["COLOURS", "figure", "learning_curve", "map", "maps", "opened", "pareto", "record",
@@ -136,7 +136,7 @@ def maps(named: dict[str, MapSource], half_tangent: float | None = None, *,
          ax: Panels = None) -> Figure:
     """Draws several maps of one record side by side with a common colour scale, e.g. maps({"truth":
     run, "ours": maps}, index=7)."""
-    found = [map_of(source, index, half_tangent) for source in named.values()]
+    found = [map_of(source, index, half_tangent) for _, source in entries("named", named)]
     span = span or span_of(np.concatenate([np.ravel(values) for values, _ in found]))
     return side_by_side(named.keys(), found, [span] * len(named), ax)
 
@@ -144,7 +144,7 @@ def maps(named: dict[str, MapSource], half_tangent: float | None = None, *,
 def shares(named: dict[str, ArrayLike], half_tangent: float, *, ax: Panels = None) -> Figure:
     """Draws the ground-truth map next to maps of the relative depth, which is 0 at the background
     and 1 at the body."""
-    found = [(np.asarray(values), half_tangent) for values in named.values()]
+    found = [(np.asarray(values), half_tangent) for _, values in entries("named", named)]
     return side_by_side(named.keys(), found, [span_of(found[0][0])] + [None] * (len(named) - 1), ax)
 
 

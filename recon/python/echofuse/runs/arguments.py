@@ -12,8 +12,8 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["RANGE_OFFSET_M", "ArgumentError", "entries", "errors_with_path", "is_single", "listed",
-           "number", "plain", "refused", "rows_of", "text_of"]
+__all__ = ["RANGE_OFFSET_M", "ArgumentError", "ComparedByValue", "entries", "errors_with_path",
+           "is_single", "listed", "number", "plain", "refused", "rows_of", "text_of"]
 
 F = TypeVar("F", bound=Callable[..., Any])
 FAULTS = (sqlite3.Error, ValueError, TypeError, LookupError, AttributeError, ArithmeticError,
@@ -24,6 +24,19 @@ ma: Any = np.ma  # NumPy does not declare types of masked arrays
 
 class ArgumentError(ValueError, IndexError):
     """An argument of the caller is invalid, or rows do not exist; the file is not damaged."""
+
+
+class ComparedByValue:
+    """Base of data classes (eq=False) with arrays: compares all fields; NaN is equal to NaN."""
+
+    def __eq__(self, other: object) -> bool:
+        if type(other) is not type(self):
+            return NotImplemented
+        return all(np.array_equal(mine, theirs, equal_nan=mine.dtype.kind == "f")
+                   if isinstance(mine, np.ndarray) else bool(mine == theirs)
+                   for mine, theirs in zip(vars(self).values(), vars(other).values()))
+
+    __hash__ = None  # type: ignore[assignment]
 
 
 def is_missing(value: Any) -> bool:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from .arguments import ComparedByValue
 from .programs import call
 from .run import Run, opened
 
@@ -17,8 +18,8 @@ __all__ = ["Split", "split", "usual_inputs"]
 Rows = NDArray[np.int64]
 
 
-@dataclass(frozen=True)
-class Split:
+@dataclass(frozen=True, eq=False)
+class Split(ComparedByValue):
     """Row numbers of a run in each part of a split."""
 
     train: Rows  #: rows for training
