@@ -111,9 +111,10 @@ class BridgedDevice {
   // Connects the daemon to the device instead of the radar and the sensor with the setting
   // `address`.
   void attach(Bench& b, const std::string& address, Strings settings = {}) {
-    b.lab->loop.ports["bridge:tcp://device:1"] = listener.opener();
-    settings.insert(settings.end(),
-                    {"radar.cli=", "radar.data=", address + "=bridge:tcp://device:1"});
+    // Tests that run at the same time must use their own device addresses (laboratory.cpp).
+    const std::string uri = "bridge:tcp://device-" + std::to_string(::getpid()) + ":1";
+    b.lab->loop.ports[uri] = listener.opener();
+    settings.insert(settings.end(), {"radar.cli=", "radar.data=", address + "=" + uri});
     b.lab->set(settings, false);
   }
   std::uint32_t number() const { return number_; }  // number of the next block
