@@ -7,6 +7,7 @@
 
 #include "../fixtures/dataset.hpp"
 #include "limits.hpp"
+#include "recon/data/exclusion.hpp"
 #include "recon/numbers/blas.hpp"
 #include "recon/numbers/parallel.hpp"
 #include "recon/predict/estimator.hpp"
@@ -21,7 +22,7 @@ namespace {
 Estimator fitted(const Dataset& data, const std::string& model, std::size_t epochs) {
   FitOptions fit;
   fit.quiet = true, fit.epochs = epochs, fit.patience = epochs;
-  const Split split = make_split(data.usable(Inputs::fused), {});
+  const Split split = make_split(usable(data, Inputs::fused), {});
   const Preprocessing preprocessing(data, split.train, Inputs::fused,
                                     learn_scene(depth_maps(data), split.train, data.map),
                                     wants_alignment(candidate_of(model, fit).model));
@@ -31,7 +32,7 @@ Estimator fitted(const Dataset& data, const std::string& model, std::size_t epoc
 // Measures the duration of one epoch with validation. This is an eighth of the difference between
 // the durations of nine epochs and of one epoch.
 void training(const Dataset& data, double max_per_s) {
-  const Split split = make_split(data.usable(Inputs::fused), {});
+  const Split split = make_split(usable(data, Inputs::fused), {});
   std::size_t a_record = 0, a_judgement = 0;
   const auto run = [&](std::size_t epochs) {
     return best_s(4, [&] {
