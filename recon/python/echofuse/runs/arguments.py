@@ -7,6 +7,7 @@ import functools
 import math
 import sqlite3
 from collections.abc import Callable, Mapping, Set
+from dataclasses import fields
 from typing import Any, TypeVar
 
 import numpy as np
@@ -27,14 +28,17 @@ class ArgumentError(ValueError, IndexError):
 
 
 class ComparedByValue:
-    """Base of data classes (eq=False) with arrays: compares all fields; NaN is equal to NaN."""
+    """Base of data classes (eq=False) with arrays: compares all fields. NaN in arrays is equal to
+    NaN."""
 
     def __eq__(self, other: object) -> bool:
         if type(other) is not type(self):
             return NotImplemented
+        names = [field.name for field in fields(self)]
+        pairs = ((getattr(self, name), getattr(other, name)) for name in names)
         return all(np.array_equal(mine, theirs, equal_nan=mine.dtype.kind == "f")
                    if isinstance(mine, np.ndarray) else bool(mine == theirs)
-                   for mine, theirs in zip(vars(self).values(), vars(other).values()))
+                   for mine, theirs in pairs)
 
     __hash__ = None  # type: ignore[assignment]
 
