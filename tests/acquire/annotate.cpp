@@ -87,7 +87,9 @@ TEST_CASE("killing the annotate command leaves the old or the new file, but no S
   std::size_t notes = 0;
   for (int round = 0; round < 60 || (notes == 0 && round < 600); ++round) {
     const pid_t child = fork();
-    for (int n = 0; child == 0; ++n) put_note(path, std::to_string(n), "me");
+    REQUIRE(child >= 0);
+    if (child == 0)
+      for (int n = 0;; ++n) put_note(path, std::to_string(n), "me");
     // The child process is killed after at most 50 ms. From round 60 on, the limit grows, because
     // the child may start late on a busy machine.
     const auto longest_us = 50'000 * (1 + static_cast<unsigned>(round) / 60);
@@ -101,7 +103,8 @@ TEST_CASE("killing the annotate command leaves the old or the new file, but no S
     REQUIRE(is_closed(path));
     CHECK(run.check().empty());
     CHECK(run.count() == 200);
-    CHECK(run.events().size() >= std::exchange(notes, run.events().size()));
+    CHECK(run.events().size() >= notes);
+    notes = run.events().size();
   }
   CHECK(notes > 0);
   put_note(path, "last", "me");

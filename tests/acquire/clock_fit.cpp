@@ -44,6 +44,7 @@ void watch(ClockFit fit, const Device& device, double rate_hz, std::uint64_t see
     if (t >= 30) worst_s = std::max(worst_s, error_s(fit, device, t, last));
   }
   const auto state = fit.state(host(t)).value();
+  CHECK(fit.sound());
   CHECK(worst_s < std::min(0.005, state.residual_s));
   CHECK(std::abs(state.drift_ppm - 1e6 * device.drift) < 100);
 }

@@ -42,9 +42,11 @@ TEST_CASE("a run killed while being created leaves a complete file or none, and 
   for (int kill = 0; kill < 12; ++kill) {
     const std::string seen = kill % 2 ? path : path + "-new";
     const pid_t child = fork();
+    REQUIRE(child >= 0);
     if (child == 0) {
       const auto run = make_run(config, path, {}, "", system_clock);
       ::pause();
+      ::_exit(0);
     }
     for (int i = 0; i < 100'000 && !fs::exists(seen) && !fs::exists(path); ++i) ::usleep(100);
     ::usleep(static_cast<useconds_t>(kill * 100));

@@ -62,7 +62,9 @@ TEST_CASE("array statistics skip frame pairs across a lost frame, and take() res
   const auto frames = some_frames(3, 8);
   ArrayStatistics sums(1, 8);
   CHECK(sums.take().empty());
-  sums.add(frames[0]), sums.skip(), sums.add(frames[1]);
+  sums.add(frames[0]);
+  sums.skip();
+  sums.add(frames[1]);
   CHECK(sums.frames() == 2);
   const auto alone = sums.take();
   CHECK(bin_of(alone, 8, 0).lag() == std::complex<float>(0));

@@ -33,13 +33,15 @@ static void hot_journal(const std::string& path) {
 TEST_CASE("SQLite side files next to a closed run are reported but not read") {
   const Folder folder;
   const std::string path = a_small_run(3).write(folder / "a.sqlite"), other = folder / "b.sqlite";
-  const std::string kind = GENERATE("-wal", "-journal", "-shm", "fifo");
+  const std::string kind =
+      GENERATE("-wal", "-journal", "-shm", "fifo-wal", "fifo-journal", "fifo-shm");
   CAPTURE(kind);
   const std::string before = contents(path);
-  const std::string suffix = kind == "fifo" ? "-wal" : kind, leftover = path + suffix;
+  const bool fifo = kind.starts_with("fifo");
+  const std::string suffix = fifo ? kind.substr(4) : kind, leftover = path + suffix;
   const auto live = a_small_run(14).open(folder / "live.sqlite");
   hot_journal(other);
-  if (kind == "fifo")
+  if (fifo)
     REQUIRE(::mkfifo(leftover.c_str(), 0666) == 0);
   else
     fs::copy_file((suffix == "-journal" ? other : folder / "live.sqlite") + suffix, leftover);

@@ -294,7 +294,7 @@ TEST_CASE("depths beyond the range of the depth map do not count as returns") {
   CHECK(*r.signal.depth_share == Approx(0.05));
 }
 
-TEST_CASE("a radar needs three range cells beyond the leakage, which does not count as an echo") {
+TEST_CASE("radar leakage is no echo, and a verdict needs three range bins beyond it") {
   SignalCheck check({}, 3);
   for (const auto& [bins, expected] :
        {std::pair{128u, "no peak: 0.4 dB above the median bin"},

@@ -187,7 +187,8 @@ TEST_CASE("a sensor without usable data is invalid, and the record contains the 
     Windows windows = make_windows();
     send(windows);
     // Tags over half of the next slot are enough.
-    feed(windows, 11s, {start_at(2)}), feed(windows, 11s + 500ms, {start_at(3)});
+    feed(windows, 11s, {start_at(2)});
+    feed(windows, 11s + 500ms, {start_at(3)});
     const auto r = windows.close({0, false});
     CHECK(r.valid == SensorSet());
     CHECK((counts(r).empty() && power(r).empty() && depth_mm(r).empty()));

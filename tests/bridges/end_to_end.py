@@ -109,6 +109,19 @@ class Example(unittest.TestCase):
     def test_example_bridge_checks_the_serial_number(self):
         self.assertIn("no board with the serial number SIM-2; attached: SIM-1", testing.ended("example.py", "--serial", "SIM-2"))
 
+    def test_example_bridge_reopens_an_unplugged_device(self):
+        code = ("import sys; sys.argv = ['example.py', '--listen', '127.0.0.1:0']; import example\n"
+                "def unplugged(board, server, once=[]):\n"
+                "    if once: return 0.01\n"
+                "    once.append(1); raise RuntimeError('unplugged')\n"
+                "example.Board.poll = unplugged\n"
+                "example.bridge.reopen = lambda opened, stop: print('again', flush=True) or None\n"
+                "example.main()")
+        done = subprocess.run([sys.executable, "-c", code], env={"PYTHONPATH": PATH},
+                              capture_output=True, text=True, timeout=20)
+        self.assertIn("unplugged; trying again", done.stderr)
+        self.assertEqual(done.stdout, "again\n")
+
 
 class CustomSensors(unittest.TestCase):
     def test_data_of_custom_sensors_can_be_recorded_displayed_and_used_for_training(self):

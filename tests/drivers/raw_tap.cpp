@@ -61,7 +61,7 @@ TEST_CASE("if raw capture is off, data pass through the original port unchanged"
   CHECK(dynamic_cast<Speaker&>(*port).written == Bytes{'w'});
 }
 
-TEST_CASE("raw capture drops and counts bytes beyond its queue limit and if the disk hangs") {
+TEST_CASE("raw capture drops and counts bytes beyond its queue limit or while the disk hangs") {
   struct Stalled final : Worker {
     void put(Action /*job*/) override {}
   };

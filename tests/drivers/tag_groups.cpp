@@ -85,3 +85,31 @@ TEST_CASE("histogram bin edges are exact for tags counted in SIMD groups") {
   }
   compare({.bin_width_ps = width, .first_bin_ps = 0, .bins = bins}, tags, tags.size());
 }
+
+TEST_CASE("a marker or an earlier time is found at every position of a block") {
+  constexpr std::int64_t first_ps = std::numeric_limits<std::int64_t>::max() - 20;  // times wrap
+  struct Change {
+    void (*make)(Tag&);
+    bool ordered;  // the block still consists of time tags in order
+  };
+  const Change changes[] = {{[](Tag& t) { t.type = TagType::missed_events; }, false},
+                            {[](Tag& t) { t.reserved = 1; }, false},
+                            {[](Tag& t) { t.time_ps -= 2; }, false},
+                            {[](Tag& t) { t.missed_events = 1; }, true}};
+  auto targets = hwy::SupportedAndGeneratedTargets();
+  targets.push_back(HWY_SCALAR);
+  for (const std::int64_t target : targets) {
+    INFO(hwy::TargetName(target));
+    hwy::GetChosenTarget().Update(target);
+    for (std::size_t count = 1; count <= 40; ++count)
+      for (std::size_t at = 0; at < count; ++at)
+        for (const Change& change : changes) {
+          std::vector<Tag> tags(count, Tag{.channel = -1});
+          for (std::size_t i = 0; i < count; ++i)
+            tags[i].time_ps = static_cast<std::int64_t>(std::uint64_t{first_ps} + i);
+          change.make(tags[at]);
+          REQUIRE(only_ordered_times(tags, first_ps) == change.ordered);
+        }
+  }
+  hwy::GetChosenTarget().DeInit();
+}

@@ -39,7 +39,10 @@ void read_settings(const std::string& text, bool assignment) {
   sim::Plan plan;
   Settings settings;
   bind(settings, plan);
-  assignment ? settings.set(text) : settings.read_text(text, "x.toml");
+  if (assignment)
+    settings.set(text);
+  else
+    settings.read_text(text, "x.toml");
   const std::string resolved = settings.resolved(true);
   const std::string shown = settings.with_origins();
   // An error here ends the target, because resolved settings must be readable.

@@ -4,7 +4,7 @@
 #include "recon/data/split.hpp"
 #include "world.hpp"
 
-TEST_CASE("a copy of a loaded run is refused, and so is a run with other axes") {
+TEST_CASE("two runs are loaded together, but a copy or a run with other axes is refused") {
   const Folder dir;
   a_run(3).write(dir / "a"), a_run(2, 2).write(dir / "b");
   a_run(2).radar({"radar", "power", "m", 24, 0, 0.5, 1}).write(dir / "c");

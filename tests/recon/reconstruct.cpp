@@ -153,7 +153,7 @@ TEST_CASE("reconstruct --rows processes only the listed or the held-out records"
   a_run(4, 2).write(dir / "fresh");
   const std::string reconstruct = "reconstruct -q --format npy,foreground " + model + " ",
                     ours = reconstruct + trained_on + " --out ";
-  dir.done(ours + "all"), dir.done(ours + "few --rows 7,3"), dir.done(ours + "test --rows test");
+  for (const char* rows : {"all", "few --rows 7,3", "test --rows test"}) dir.done(ours + rows);
   const std::string names = "a = lambda f, k: n.load(f + '/' + k + '.npy'); ";
   CHECK(numpy(dir, names +
                        "print([n.array_equal(a('all', k)[[3, 7]], a('few', k), equal_nan=True) for "

@@ -65,7 +65,8 @@ TEST_CASE("train and evaluate report depth maps that belong to other records") {
              Contains("1 record late"));
 }
 
-TEST_CASE("evaluate reports mirrored depth maps, and train refuses them unless a setting says so") {
+TEST_CASE(
+    "evaluate reports mirrored depth maps, and train refuses them unless a setting accepts them") {
   const ReconFolder dir;
   a_run(60).write(dir / "good"), a_run(60, 2, mirror).write(dir / "mirrored");
   a_run(29, 2, mirror).write(dir / "few"), a_run(60, 2, late_by(1)).write(dir / "late");

@@ -103,3 +103,25 @@ TEST_CASE("the two-body test is disabled only if all training records show two p
   for (RecordInfo& info : two.records) info.label = two_people_label;
   for (const auto& s : outlier_scores(two, rows, two)) CHECK(std::isnan(s.two_bodies));
 }
+
+TEST_CASE("records of two people in front of a wall are flagged") {
+  const std::size_t count = 400;
+  const Folder dir;
+  a_run(count).spd(long_axis()).write(dir / "run");
+  const Dataset bare = load({dir / "run"});
+  Rng rng = make_rng(6, 6);
+  std::poisson_distribution<int> wall(3e4);
+  const auto before_wall = [&](Dataset data) {
+    for (std::size_t i = 0; i < count; ++i)
+      for (std::size_t c = 60; c < 64; ++c)
+        photons(data).row(i)[c] += static_cast<float>(wall(rng));
+    return data;
+  };
+  const Dataset training = before_wall(bare), two = before_wall(with_second_bodies(bare));
+  const auto flagged = [&](const Dataset& data) {
+    return std::ranges::count_if(outlier_scores(training, all_rows(count), data),
+                                 [](const auto& s) { return s.two_bodies > 1; });
+  };
+  CHECK(flagged(training) < 20);
+  CHECK(flagged(two) > 200);
+}

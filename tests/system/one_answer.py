@@ -173,6 +173,7 @@ class OneAnswer(live.Live):
     def check(self, name, **expected):
         run = self.dir / f"{name}.sqlite"
         told = self.answers(run)
+        self.assertLessEqual(expected.keys(), set().union(*told.values()), name)
         for question in sorted(set().union(*told.values())):
             with self.subTest(run=name, question=question):
                 found = {program: answers[question] for program, answers in told.items() if question in answers}

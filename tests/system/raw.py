@@ -54,6 +54,7 @@ class Raw(Case):
         self.assertGreater(counted["spd", "bad_crcs"], 0, log)
         self.assertGreater(counted["radar", "junk_bytes"], 0)
         frames, = fixtures.query(self.run, "SELECT sum(array_frames), sum(radar_used) FROM record WHERE array IS NOT NULL")
+        self.assertGreater(frames[0] or 0, 0, log)
         self.assertEqual(frames[0], frames[1])
         # An import does not start the alert program that the stored configuration names.
         kept, called = self.raw / "lab.toml", self.dir / "called"

@@ -151,6 +151,14 @@ TEST_CASE(
   CHECK(c.find(Sensor::radar)->distance_m ==
         Approx(stated == acquire::Mounting::detector ? 1.118034 : 1));
   CHECK(c.baseline_m == 0.5);
+  // A file that contains only the radar states the distance from the radar. The reflector would not
+  // be found at 3 m.
+  options.only = Sensor::radar;
+  std::filesystem::remove(stored);
+  CHECK(calibrate(*b.lab, false, options) == ExitCode::ok);
+  b.lab->set({"run.calibration=" + stored});
+  options.search.distance_m = 3;
+  CHECK(calibrate(*b.lab, true, options) != ExitCode::device);
 }
 
 TEST_CASE("antenna calibration recovers gains and phases for both reflector mountings") {
