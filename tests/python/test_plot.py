@@ -61,19 +61,27 @@ def facts(name, figure):
                 labels = zip(axis.get_majorticklocs(), axis.get_ticklabels())
                 yield "ticks " + ", ".join(label.get_text() for at, label in labels if min(ends) <= at <= max(ends))
         for line in ax.lines:
-            style = [getattr(line, f"get_{of}")() for of in "color linewidth linestyle marker markersize label".split()]
-            yield f"line {style} x {short(line.get_xdata())} y {short(line.get_ydata())}"
+            style = [getattr(line, f"get_{of}")() for of in "color linewidth linestyle marker markersize".split()]
+            label = "" if line.get_label().startswith("_") else line.get_label()
+            yield f"line {style} {label!r} x {short(line.get_xdata())} y {short(line.get_ydata())}"
         for image in ax.images:
             where = f"{short(image.get_clim())} at {short(image.get_extent())}"
             yield f"image {image.get_cmap().name} {where}: {short(image.get_array())}"
         for bar in ax.patches:
             yield f"bar {short(bar.get_bbox().get_points())} {short(bar.get_facecolor())}"
         for part in ax.collections:
-            points = np.concatenate([path.vertices for path in part.get_paths()] or [np.zeros((0, 2))])
-            yield f"shape {short(points)} {short(part.get_facecolor())} {short(part.get_linewidth())} {short(part.get_clim())}"
-        for text in [*ax.texts, *(ax.get_legend().get_texts() if ax.get_legend() else ())]:
+            if part.get_array() is not None:
+                yield f"colours {part.get_cmap().name} {short(part.get_clim())}: {short(part.get_array())}"
+                continue
+            # How often a point is repeated, and the order of points, depend on the version of matplotlib.
+            found = (point for path in part.get_paths() for point in path.vertices if np.isfinite(point).all())
+            points = {tuple(np.round(point, 9)) for point in found}
+            yield f"shape {short(sorted(points))} {short(part.get_facecolor())} {short(part.get_linewidth())}"
+        for text in ax.texts:
             where = f"{short(text.get_position())} {text.get_ha()} {text.get_va()}"
             yield f"text {text.get_text()!r} {where} {short(text.get_fontsize())}"
+        if legend := ax.get_legend():
+            yield f"legend {[text.get_text() for text in legend.get_texts()]} {short(legend.get_texts()[0].get_fontsize())}"
 
 
 def test_figures_show_the_texts_data_limits_and_colours_of_the_golden_file(folder):
@@ -114,8 +122,9 @@ def test_plot_functions_save_figures_and_refuse_missing_records(folder):
     with pytest.raises(TypeError, match="half_tangent"):
         plot.map(np.ones((4, 4)))
     for draw in plot.maps, plot.shares:
-        with pytest.raises(ValueError, match=r"named: \[1\] \(expected a dict\)"):
-            draw([1], 0.5)
+        for named, words in ([1], r"named: \[1\] \(expected a dict\)"), ({}, "expected at least one map"):
+            with pytest.raises(ValueError, match=words):
+                draw(named, 0.5)
 
 
 def test_power_by_direction_is_largest_in_the_direction_of_the_source():

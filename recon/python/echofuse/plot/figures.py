@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .. import models, runs
 from ..models.maps import span_of
-from ..runs.arguments import entries, plain
+from ..runs.arguments import entries, plain, refused
 from ..runs.run import opened
 
 __all__ = ["COLOURS", "figure", "learning_curve", "map", "maps", "opened", "pareto", "record",
@@ -122,6 +122,14 @@ def row_of(source: models.Maps | runs.Run, index: int | None) -> int:
     return int(rows[0])
 
 
+def titles_and_maps(named: dict[str, Any]) -> tuple[list[str], list[Any]]:
+    """Returns the keys and values of a dict. Raises ValueError if it is no dict or is empty."""
+    found = entries("named", named)
+    if not found:
+        raise refused("named", named, "at least one map")
+    return [title for title, _ in found], [source for _, source in found]
+
+
 def map(source: MapSource, half_tangent: float | None = None, *,  # noqa: A001
         index: int | None = None, span: tuple[float, float] | None = None, title: str = "",
         ax: Panels = None) -> Figure:
@@ -136,16 +144,18 @@ def maps(named: dict[str, MapSource], half_tangent: float | None = None, *,
          ax: Panels = None) -> Figure:
     """Draws several maps of one record side by side with a common colour scale, e.g. maps({"truth":
     run, "ours": maps}, index=7)."""
-    found = [map_of(source, index, half_tangent) for _, source in entries("named", named)]
+    titles, sources = titles_and_maps(named)
+    found = [map_of(source, index, half_tangent) for source in sources]
     span = span or span_of(np.concatenate([np.ravel(values) for values, _ in found]))
-    return side_by_side(named.keys(), found, [span] * len(named), ax)
+    return side_by_side(titles, found, [span] * len(found), ax)
 
 
 def shares(named: dict[str, ArrayLike], half_tangent: float, *, ax: Panels = None) -> Figure:
     """Draws the ground-truth map next to maps of the relative depth, which is 0 at the background
     and 1 at the body."""
-    found = [(np.asarray(values), half_tangent) for _, values in entries("named", named)]
-    return side_by_side(named.keys(), found, [span_of(found[0][0])] + [None] * (len(named) - 1), ax)
+    titles, tables = titles_and_maps(named)
+    found = [(np.asarray(values), half_tangent) for values in tables]
+    return side_by_side(titles, found, [span_of(found[0][0])] + [None] * (len(found) - 1), ax)
 
 
 def side_by_side(titles: Iterable[str], found: Sequence[tuple[NDArray[Any], float]],
@@ -240,10 +250,10 @@ def timeline(run: runs.Run | Path, *, ax: Panels = None) -> Figure:
     minutes = (run.time - run.time[0]) / np.timedelta64(1, "s") / 60 if len(run) else np.zeros(0)
     for panel, (sensor, name) in zip(axes, names.items()):
         panel.plot(minutes, used[:, columns[sensor]] / window, color=COLOURS[sensor], lw=1)
+        panel.set_ylim(0, panel.get_ylim()[1])  # the following lines must not change the limits
         panel.vlines(minutes[~run.valid[sensor]], 0, 1, color=COLOURS["bad"], lw=1, alpha=0.6,
                      transform=panel.get_xaxis_transform())
         panel.set_ylabel(name.replace(" ", "\n", 1), fontsize=8)
-        panel.set_ylim(bottom=0)
     for sensor in names:
         residuals.plot(minutes, 1e6 * clocks[:, columns[sensor]], color=COLOURS[sensor], lw=1,
                        label={"spd": "SPD", "depth": "camera"}.get(sensor, sensor))
