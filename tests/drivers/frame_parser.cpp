@@ -308,6 +308,17 @@ TEST_CASE("radar frames of other TI demos with the same magic word are refused o
   CHECK(mixed.line().ends_with(" 59/256/0"));
 }
 
+TEST_CASE("a header inside a radar frame starts a frame if its version and platform are the same") {
+  Lab inner = exact;
+  const int other = GENERATE(0, 1, 2);
+  (other == 1 ? inner.version : inner.platform) += static_cast<std::uint32_t>(other);
+  Bytes outer = frame_of(demo, 5);
+  const Bytes whole = frame_of(inner, 6);
+  std::ranges::copy(whole, outer.begin() + 100);
+  CHECK(parse(join({outer, frame_of(demo, 7)})).numbers() ==
+        (other ? Numbers{5, 7} : Numbers{6, 7}));
+}
+
 TEST_CASE("a jump in radar frame numbers is accepted if the number of the next frame confirms it") {
   const auto lost = [](const Numbers& numbers) {
     FrameParser parser(1);

@@ -71,6 +71,17 @@ TEST_CASE("evaluate --json prints all metrics and costs") {
   CHECK((lent["trivial"].size() == 3 && lent["records"] == 20));
 }
 
+TEST_CASE("the nearest-record baseline does not depend on the evaluated model") {
+  const ReconFolder dir;
+  const auto nearest = [&](const std::string& kind, const Words& words) {
+    return dir.json("evaluate " + made_model(kind, 100, 1, words) + " " +
+                    made_run(100))["trivial"]["nearest"];
+  };
+  const auto record = nearest("ridge", {});
+  CHECK(nearest("ridge", {"--inputs", "spd"}) == record);
+  CHECK(nearest("factorised-4", {"--epochs", "2"}) == record);
+}
+
 TEST_CASE("reconstruct continues after a damaged record") {
   const ReconFolder dir;
   const std::string model = made_model("ridge", 60);

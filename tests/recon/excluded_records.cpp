@@ -74,7 +74,7 @@ TEST_CASE("records with lost frames are counted, and are used unless a setting e
   const std::string train_mean = "train --model mean a --out ";
   dir.says(train_mean + "m", {"2 lossy records are used; --set lossy=leave excludes them"});
   dir.says(train_mean + "n --set lossy=leave",
-           {"3 of 40 records left out: SPD weak 1, camera lossy 1, radar lossy 1"});
+           {"\n3 of 40 records left out: SPD weak 1, camera lossy 1, radar lossy 1"});
   dir.says("rows b --model m", {"; left out: SPD weak 1\n"});
   dir.says("rows b --model n", {"SPD weak 1", "radar lossy 1"});
   dir.says("rows a --inputs spd --set lossy=leave", {"; left out: SPD weak 1, camera lossy 1\n"});
@@ -148,17 +148,17 @@ TEST_CASE("train and evaluate print the number of excluded records and the reaso
   a_run(60, 1, doubtful).write(dir / "run");
   dir.says(
       train_ridge + "run --out m",
-      {"12 of 60 records left out: SPD weak 1, camera stands still 8, damaged 1, radar missing "
+      {"\n12 of 60 records left out: SPD weak 1, camera stands still 8, damaged 1, radar missing "
        "1, the same in every bin 1 (",
        "record 10: spd bin 5 contains 4294967295 clicks"});
   dir.says(train_ridge + "run --out all --set doubtful=take",
-           {"3 of 60 records left out: damaged 1, radar missing 1, "});
+           {"\n3 of 60 records left out: damaged 1, radar missing 1, "});
   a_run(30, 2, [&](FusedRecord& r) {
     if (r.index < 8) doubtful(r);
   }).write(dir / "fresh");
-  dir.says(
-      "evaluate -q m fresh",
-      {"22 records; ", "doubtful records left out: camera stands still 8; including them: IoU 0."});
+  dir.says("evaluate -q m fresh",
+           {"\n22 records; ",
+            "doubtful records left out: camera stands still 8; including them: IoU 0."});
   a_run(4, 2, doubtful).write(dir / "frozen");
   for (const std::string command : {"evaluate -q m frozen", "train -q frozen --out no"})
     dir.refuses(command, 1, "frozen: 4 of 4 records left out: camera stands still 4");
@@ -170,16 +170,17 @@ TEST_CASE("copies of a record are used once in training and are excluded from ev
   a_run(70).write(dir / "more");
   a_run(60, 1, [](FusedRecord& r) { show(r, r.index % 30, r.index % 30); }).write(dir / "twice");
   dir.says(train_ridge + "--set test_share=0 a b c --out abc",
-           {"20 of 100 records left out: also in a 20\n"});
-  dir.says(train_ridge + "twice --out no", {"30 of 60 records left out: twice in the run 30\n"});
+           {"\n20 of 100 records left out: also in a 20\n"});
+  dir.says(train_ridge + "twice --out no", {"\n30 of 60 records left out: twice in the run 30\n"});
   dir.done(train_ridge + "-q --set test_share=0 a --out m");
   const std::string evaluate = "evaluate -q m ";
   dir.refuses(evaluate + "b", 1, "all records of this run are copies of training records");
-  dir.says(evaluate + "twice", {"30 records; ", "twice in the run 30"});
-  dir.says(evaluate + "more",
-           {"10 records; ", "60 of 70 records are copies of training records and are left out\n"});
+  dir.says(evaluate + "twice", {"\n30 records; ", "twice in the run 30"});
+  dir.says(
+      evaluate + "more",
+      {"\n10 records; ", "60 of 70 records are copies of training records and are left out\n"});
   dir.says(evaluate + "more --all",
-           {"70 records; ", "copies of training records and are scored\n"});
+           {"\n70 records; ", "copies of training records and are scored\n"});
   // The records of run d are nearly identical to those of run c. The nearest neighbour of an
   // evaluated record must not be its own copy.
   a_run(40, 2, [](FusedRecord& r) { power(r)[20] += 0.01f; }).write(dir / "d");

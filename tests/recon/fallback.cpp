@@ -54,11 +54,11 @@ TEST_CASE("reconstruct and evaluate report maps that were predicted from the SPD
     if (r.index >= 4) std::ranges::fill(counts(r), 2);
   }).write(dir / "live");
   dir.says("reconstruct " + model + " live --out o",
-           {"4 records reconstructed, 2 left out; 1 with a fallback model (radar lost"}, 5);
+           {"\no: 4 records reconstructed, 2 left out; 1 with a fallback model (radar lost"}, 5);
   CHECK(std::filesystem::exists(dir / "o/000003.png"));
   CHECK_THAT(contents(dir / "o/records.csv"),
              Contains("\n1,\"ok\",") && Contains("\n3,\"radar lost: SPD alone\","));
-  dir.says("evaluate " + model + " live", {"4 records", "1 records: radar lost: SPD alone",
+  dir.says("evaluate " + model + " live", {"\n4 records", "\n1 records: radar lost: SPD alone",
                                            "2 records with a depth map left out: missing sensor "});
   const auto json = dir.json("evaluate " + model + " live");
   CHECK((json["records"] == 4 && json["fallback_records"] == 1 && json["left_out"] == 2));

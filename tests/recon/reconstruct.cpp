@@ -88,12 +88,12 @@ TEST_CASE("the status of a predicted map names the doubtful input sensors") {
     if (r.index == 3) set_verdict(r, Sensor::radar, "no peak: no bins clearly exceed the mean");
   }).write(dir / "fresh");
   dir.says("reconstruct --format npy " + made_model("ridge", 60) + " fresh --out o",
-           {"4 records reconstructed, 0 left out; 1 with doubtful data: SPD weak"});
+           {"\no: 4 records reconstructed, 0 left out; 1 with doubtful data: SPD weak"});
   const std::string csv = contents(dir / "o/records.csv");
   for (const char* line : {"\n0,\"ok\",", "\n1,\"ok; SPD weak\",", "\n2,\"ok\",", "\n3,\"ok\","})
     CHECK_THAT(csv, Contains(line));
   dir.says("-q evaluate --maps o fresh --train " + made_run(60),
-           {"2 records; ", "2 of 4 records left out: SPD weak 1, camera stands still 1\n"});
+           {"\n2 records; ", "\n2 of 4 records left out: SPD weak 1, camera stands still 1\n"});
   // Only maps that state their training records may be scored on a training run.
   std::filesystem::copy(dir / "o", dir / "stated");
   std::ofstream(dir / "stated/run.txt", std::ios::app) << "trained on records 0,1\n";

@@ -102,6 +102,6 @@ TEST_CASE("evaluate does not score maps of training records, also in comparison 
   CHECK(both["rows"][1]["metrics"] == assessed(model)["metrics"]);
   for (const std::string& more : {std::string(), model})
     CHECK(assessed("--all --maps maps " + more)["records"] == 60);
-  dir.says("-q evaluate --maps maps " + first, {"54 of 60 records left out: trained on 54\n"});
-  dir.says("-q evaluate --maps copied copy", {"54 of 70 records left out: trained on 54\n"});
+  dir.says("-q evaluate --maps maps " + first, {"\n54 of 60 records left out: trained on 54\n"});
+  dir.says("-q evaluate --maps copied copy", {"\n54 of 70 records left out: trained on 54\n"});
 }

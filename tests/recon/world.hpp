@@ -170,9 +170,10 @@ struct ReconFolder : Folder {
     REQUIRE(o.code == code);
     return o.text;
   }
-  // Checks the exit code of a command, and that its output contains each of the texts.
+  // Checks the exit code of a command, and that its output contains each of the texts. The first
+  // line of the output also follows a line end.
   void says(const std::string& arguments, const Words& texts, int code = 0) const {
-    const std::string output = done(arguments, code);
+    const std::string output = "\n" + done(arguments, code);
     for (const std::string& text : texts) CHECK_THAT(output, Contains(text));
   }
   nlohmann::json json(const std::string& arguments) const {

@@ -48,6 +48,7 @@ class Raw(Case):
         self.assertIn(b"mmwDemo:/>", said)
         for device in "tags-*.blocks", "radar-[0-9]*.dat":
             self.assertGreater(len(list(self.raw.glob(device))), 1, log)
+        self.assertEqual(fixtures.query(self.run, "SELECT idx FROM record"), [(k,) for k in range(20)], log)
         for query in RECORDS, COUNTERS:
             self.assertEqual(fixtures.query(self.again, query), fixtures.query(self.run, query), log)
         counted = {row[:2]: row[2] for row in fixtures.query(self.run, COUNTERS)}

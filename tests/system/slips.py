@@ -16,6 +16,7 @@ import fixtures
 # Each line contains a command, the expected exit code, and a string that the output must contain.
 TABLE = """
 recon trian | 2 | trian: no such command; the most similar name is train
+recon -q trian x | 2 | trian: no such command; the most similar name is train
 recon help train | 0 | train a model on one or more runs
 recon train x --otu y | 2 | --otu: no such option; the most similar name is --out
 recon evaluate nomodel norun | 1 | nomodel: No such file or directory; expected a model file
