@@ -26,3 +26,18 @@ TEST_CASE("an address for another kind of device is refused when the driver is c
   CHECK_THAT(radar({"serial:/dev/x", "bridge:tcp://a:1", "", "x.cfg"}),
              contains("expected the address of a radar port"));
 }
+
+TEST_CASE("the counters of a new driver are zero") {
+  port::SystemLoop loop;
+  RadarConfig bridge;
+  bridge.address = "bridge:tcp://127.0.0.1:1";
+  const auto check = [](const auto& driver) {
+    REQUIRE_FALSE(driver->counters().empty());
+    for (const Counter& counter : driver->counters()) CHECK(counter.value == 0);
+  };
+  for (const char* address : {"bridge:tcp://127.0.0.1:1", "usb:04b4:00f1"})
+    check(make_tdc(loop, {address}));
+  for (const char* address : {"bridge:tcp://127.0.0.1:1", "openni:"})
+    check(make_depth(loop, {address}));
+  check(make_radar(loop, bridge));
+}
