@@ -14,7 +14,7 @@ struct Moment {
   }
   RunTotals now{.records = 7,
                 .written = 6,
-                .lost = {12, 0, 3},
+                .lost = {12, 0, 1},
                 .rate_hz = {1.2e6, 20, 29.5},
                 .valid = SensorSet::from_bits(5),
                 .doubtful = SensorSet::from_bits(3),
@@ -31,7 +31,7 @@ TEST_CASE("the status line shows all values in a fixed order") {
   Moment m;
   CHECK(m.line(std::nullopt) ==
         "record 7/20  s-D  spd weak  0:21, 1:02:41 left  1.20 Mtag/s  peak 3.46 m  radar 20.0 fps "
-        "21 dB  depth 29.5 fps  lost S 12 D 3  person  12 GB free  on disk 6");
+        "21 dB  depth 29.5 fps  lost S 12 D 1  person  12 GB free  on disk 6");
   m.now = {};
   m.now.valid = SensorSet::from_bits(7);
   m.times = {};
@@ -43,7 +43,7 @@ TEST_CASE("the status line shows all values in a fixed order") {
 
 TEST_CASE("a narrow status line omits its least important parts") {
   Moment m;
-  CHECK(m.line(79) == "record 7/20  s-D  spd weak  0:21, 1:02:41 left  1.20 Mtag/s  lost S 12 D 3");
+  CHECK(m.line(79) == "record 7/20  s-D  spd weak  0:21, 1:02:41 left  1.20 Mtag/s  lost S 12 D 1");
   for (std::size_t columns = 16; columns < 200; ++columns) {
     const std::string line = m.line(columns);
     CHECK(line.size() <= columns);

@@ -18,6 +18,8 @@ struct Interface {
   // Path of the device node's folder relative to the interface's folder. Empty if there is no
   // device node.
   std::string node;
+  std::string of_class = "02";  // in sysfs
+  std::string subclass = "02", protocol = "01";
 };
 
 class Tree {
@@ -61,9 +63,12 @@ class Tree {
                                      {"serial", serial}})
       if (!text.empty()) write(folder / name, text);
     fs::create_directory_symlink("../../../" + target, root_ / "sys/bus/usb/devices" / place);
-    for (const auto& [number, node] : interfaces) {
+    for (const auto& [number, node, of_class, subclass, protocol] : interfaces) {
       const fs::path inside = folder / (place + ":1." + number.substr(1));
       write(inside / "bInterfaceNumber", number);
+      write(inside / "bInterfaceClass", of_class);
+      write(inside / "bInterfaceSubClass", subclass);
+      write(inside / "bInterfaceProtocol", protocol);
       fs::create_directories(inside / node);
       if (!node.empty()) write(root_ / "dev" / fs::path(node).filename(), "");
     }
@@ -99,6 +104,11 @@ TEST_CASE("known USB devices are listed with the roles, stable names and faults 
   tree.device("1-7", "8086", "0b07", "R2", {}, "Intel(R) RealSense(TM) Depth Camera 435");
   tree.device("1-8", "8086", "0b63", "", {}, "USB Bridge");  // not listed
   tree.device("1-9", "046d", "c077", "");                    // a mouse, not listed
+  tree.device("2-1", "1234", "5678", "T1", {{"00", "", "ff", "45", "01"}});
+  for (const auto& [place, interface] : {std::pair{"2-2", Interface{"00", "", "ff", "45", "02"}},
+                                         {"2-3", {"00", "", "ff", "46", "01"}},
+                                         {"2-4", {"00", "", "fe", "45", "01"}}})
+    tree.device(place, "1234", "5678", "T2", {interface});  // not listed
   const std::string usb =
                         "  , @/dev/bus/usb/001/007, , @/dev/bus/usb/001/007: No such file or "
                         "directory\n",
@@ -126,7 +136,9 @@ TEST_CASE("known USB devices are listed with the roles, stable names and faults 
             usb +
             "RealSense camera, Intel(R) RealSense(TM) Depth Camera 435, R2, 3.02, start "
             "echofuse-bridge-realsense\n" +
-            usb);
+            usb +
+            "USB time tagger, A model, T1, 3.02, \n  tdc.address, @/dev/bus/usb/001/007, "
+            "usb:1234:5678:T1, @/dev/bus/usb/001/007: No such file or directory\n");
 }
 
 TEST_CASE("an inaccessible device node is reported with its group or the missing udev rules") {

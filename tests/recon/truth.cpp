@@ -45,7 +45,8 @@ TEST_CASE("train and evaluate report depth maps that belong to other records") {
   const auto lost = [](std::size_t i) -> std::size_t {
     return i < 60 ? 1 : i < 100 ? 0 : i < 130 ? 2 : 3;
   };
-  const std::string lines = late_truth(load_plates(240, 1, late_by(lost)));
+  a_run(240, 1, late_by(lost)).write(dir / "run");
+  const std::string lines = late_truth(load({dir / "more", dir / "run"}));
   CHECK(std::ranges::count(lines, '\n') == 2);
   for (const char* text :
        {"run: records 0 to 58: ", "are 1 record late; shift them by 1 record\n",
@@ -56,7 +57,6 @@ TEST_CASE("train and evaluate report depth maps that belong to other records") {
   for (std::size_t row = 0; row + 1 < early.size(); ++row)
     std::ranges::copy(depth_maps(early).row(row + 1), depth_maps(early).row(row).begin());
   CHECK_THAT(late_truth(early), Contains("1 record early"));
-  // If there are several runs, each run is tested separately.
   CHECK_THAT(late_truth(load({dir / "more", dir / "late"})), Contains(said));
   const std::string train = "train --model ridge --set fallback=false ";
   dir.says(train + "late --out no", {said});
