@@ -70,13 +70,13 @@ TEST_CASE("the wave from the reflector is plane in the far field and spherical i
                per_place = 2 * pi / wavelength_m * radar::half_wavelength_m * sine;
   const auto far = steering_phases(antennas, {5000, 0, 10000}, wavelength_m);
   const auto near = steering_phases(antennas, {0.5, 0, 1}, wavelength_m);
-  // A column of antennas below the reflector receives the same wave.
-  auto column = antennas;
-  for (auto& a : column) std::swap(a.tx.x, a.tx.y), std::swap(a.rx.x, a.rx.y);
-  const auto turned = steering_phases(column, {0, 0.5, 1}, wavelength_m);
+  // Exchanging x and y of the antennas and of the reflector does not change the phases.
+  auto exchanged = antennas;
+  for (auto& a : exchanged) std::swap(a.tx.x, a.tx.y), std::swap(a.rx.x, a.rx.y);
+  const auto upright = steering_phases(exchanged, {0, 0.5, 1}, wavelength_m);
   double bent = 0;
   for (std::size_t m = 0; m < 8; ++m) {
-    CHECK(turned[m] == Approx(near[m]).margin(1e-9));
+    CHECK(upright[m] == Approx(near[m]).margin(1e-9));
     CHECK(far[m] == Approx(static_cast<double>(m) * per_place).margin(1e-4));
     bent = std::max(bent, std::abs(near[m] - far[m]));
   }

@@ -94,6 +94,7 @@ TEST_CASE("the cfg parser reports lines and values that the radar would refuse")
         "26: sensorStart has an argument, which the firmware refuses after new settings"},
        {"sensorStart", "sensorStart\nsensorStop",
         "27: sensorStop stops the radar that sensorStart started"},
+       // ~ is the last printable character.
        {"sensorStop", "sensorStop~",
         "2: sensorStop~ is not a command of the demo of SDK 3.4 to 3.6"},
        {"sensorStart", "myCfg 1\nsensorStart",
@@ -186,7 +187,7 @@ TEST_CASE("radar cfg settings with unwanted effects cause warnings") {
        {"sensorStart", "configDataPort 460800 0\nsensorStart", 921600,
         "26: configDataPort sets the data port to 460800 baud, but radar.data_baud is 921600"},
        {"sensorStart", "sensorStart\nconfigDataPort 921600 0", 921600, ""},
-       {"sensorStart", "sensorStart\nguiMonitor -1 1 1 0 0 0 1", 921600,
+       {"sensorStart", "sensorStart\nguiMonitor -1 1 0 0 0 0 1", 921600,
         "27: guiMonitor has no effect after sensorStart"},
        {"% a", "% b", 460800,
         " without configDataPort the firmware sends at 921600 baud, but radar.data_baud is 460800"},

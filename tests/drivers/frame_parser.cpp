@@ -311,7 +311,8 @@ TEST_CASE("radar frames of other TI demos with the same magic word are refused o
 TEST_CASE("a header inside a radar frame starts a frame if its version and platform are the same") {
   Lab inner = exact;
   const int other = GENERATE(0, 1, 2);
-  (other == 1 ? inner.version : inner.platform) += static_cast<std::uint32_t>(other);
+  if (other == 1) ++inner.version;
+  if (other == 2) ++inner.platform;
   Bytes outer = frame_of(demo, 5);
   const Bytes whole = frame_of(inner, 6);
   std::ranges::copy(whole, outer.begin() + 100);

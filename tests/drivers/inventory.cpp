@@ -18,8 +18,8 @@ struct Interface {
   // Path of the device node's folder relative to the interface's folder. Empty if there is no
   // device node.
   std::string node;
-  std::string of_class = "02";  // in sysfs
-  std::string subclass = "02", protocol = "01";
+  // bInterfaceClass etc. in sysfs. The defaults are those of a serial port (CDC ACM).
+  std::string usb_class = "02", subclass = "02", protocol = "01";
 };
 
 class Tree {
@@ -63,10 +63,10 @@ class Tree {
                                      {"serial", serial}})
       if (!text.empty()) write(folder / name, text);
     fs::create_directory_symlink("../../../" + target, root_ / "sys/bus/usb/devices" / place);
-    for (const auto& [number, node, of_class, subclass, protocol] : interfaces) {
+    for (const auto& [number, node, usb_class, subclass, protocol] : interfaces) {
       const fs::path inside = folder / (place + ":1." + number.substr(1));
       write(inside / "bInterfaceNumber", number);
-      write(inside / "bInterfaceClass", of_class);
+      write(inside / "bInterfaceClass", usb_class);
       write(inside / "bInterfaceSubClass", subclass);
       write(inside / "bInterfaceProtocol", protocol);
       fs::create_directories(inside / node);

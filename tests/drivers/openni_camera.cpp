@@ -106,6 +106,7 @@ struct Recording {
 
 TEST_CASE("the OpenNI driver delivers frames, axes and the name of a camera") {
   Bench b;
+  for (const Counter& counter : b.driver.counters()) CHECK(counter.value == 0);
   const HostTime begin = b.loop.now();
   b.start();
   CHECK(b.sink.state() == DeviceState::connecting);

@@ -246,3 +246,18 @@ def test_letter_template_is_blurred_in_proportion_to_the_pixels_of_the_map():
 def test_each_axis_of_the_stability_study_contains_the_base_condition_once(run):
     for axis in stability.Simulated([], 10, 10).axes() + stability.recorded_axes():
         assert sum(world == stability.BASE for world in axis.values.values()) == 1, axis.id
+
+
+def test_stability_study_of_eight_antennas_has_more_frames_per_record_than_antennas():
+    source = stability.Simulated(["radar_antennas=8"], 10, 10)  # 60 frames in 3 s
+    slots, = (axis.values for axis in source.axes() if axis.id == "matched-slot")
+    assert list(slots) == ["3", "2", "1", "0.5"] and "radar_frames=10" in slots["0.5"].set
+
+
+def test_stability_study_simulates_training_and_test_data_with_different_seeds(monkeypatch, tmp_path):
+    source, made_of = stability.Simulated([], 10, 20), []
+    monkeypatch.setattr(source, "make", lambda world, records, seed, out: made_of.append((records, seed)))
+    for seed in 1, 2:
+        source.train(stability.BASE, seed, tmp_path)
+        source.test(stability.BASE, seed, tmp_path)
+    assert made_of == [(10, 1), (20, 1001), (10, 2), (20, 1002)]

@@ -71,12 +71,13 @@ def facts(name, figure):
             yield f"bar {short(bar.get_bbox().get_points())} {short(bar.get_facecolor())}"
         for part in ax.collections:
             if part.get_array() is not None:
-                yield f"colours {part.get_cmap().name} {short(part.get_clim())}: {short(part.get_array())}"
+                where = f"{short(part.get_clim())} at {short(part.get_coordinates())}"
+                yield f"colours {part.get_cmap().name} {where}: {short(part.get_array())}"
                 continue
             # How often a point is repeated, and the order of points, depend on the version of matplotlib.
             found = (point for path in part.get_paths() for point in path.vertices if np.isfinite(point).all())
             points = {tuple(np.round(point, 9)) for point in found}
-            yield f"shape {short(sorted(points))} {short(part.get_facecolor())} {short(part.get_linewidth())}"
+            yield f"shape {short(sorted(points))} {short(part.get_facecolor())} {short(part.get_edgecolor())} {short(part.get_linewidth())}"
         for text in ax.texts:
             where = f"{short(text.get_position())} {text.get_ha()} {text.get_va()}"
             yield f"text {text.get_text()!r} {where} {short(text.get_fontsize())}"

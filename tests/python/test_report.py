@@ -156,7 +156,8 @@ def test_report_is_a_single_page_without_external_resources(here, tmp_path):
     assert f"command\nechofuse-report {tmp_path}" in page["of"]["Provenance"].replace("commandechofuse", "command\nechofuse")
     # The values published by Lai et al. appear only if the report contains one of their networks.
     assert not [value for value in ("0.6576", "0.6389", "0.5266") if value in str(page)]
-    assert [message["file"] for message in messages_of(tmp_path / "live.html") if message["kind"] == "run"] == ["fresh.sqlite"]
+    shown, = (message for message in messages_of(tmp_path / "live.html") if message["kind"] == "run")
+    assert shown["file"] == "fresh.sqlite" and shown["facts"][0] == ["started", echofuse.open(here / "fresh.sqlite").info["started_utc"]]
 
 
 def test_report_groups_models_by_their_inputs(here, tmp_path):

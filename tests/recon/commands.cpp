@@ -74,12 +74,12 @@ TEST_CASE("evaluate --json prints all metrics and costs") {
 TEST_CASE("the nearest-record baseline does not depend on the evaluated model") {
   const ReconFolder dir;
   const auto nearest = [&](const std::string& kind, const Words& words) {
-    return dir.json("evaluate " + made_model(kind, 100, 1, words) + " " +
-                    made_run(100))["trivial"]["nearest"];
+    const std::string model = made_model(kind, 100, 1, words);
+    return dir.json("evaluate " + model + " " + made_run(100)).at("trivial").at("nearest");
   };
-  const auto record = nearest("ridge", {});
-  CHECK(nearest("ridge", {"--inputs", "spd"}) == record);
-  CHECK(nearest("factorised-4", {"--epochs", "2"}) == record);
+  const auto expected = nearest("ridge", {});
+  CHECK(nearest("ridge", {"--inputs", "spd"}) == expected);
+  CHECK(nearest("factorised-4", {"--epochs", "2"}) == expected);
 }
 
 TEST_CASE("reconstruct continues after a damaged record") {

@@ -170,8 +170,8 @@ struct ReconFolder : Folder {
     REQUIRE(o.code == code);
     return o.text;
   }
-  // Checks the exit code of a command, and that its output contains each of the texts. The first
-  // line of the output also follows a line end.
+  // Checks the exit code of a command, and that its output contains each of the texts. A line end
+  // is put before the output, so that "\n..." also matches its first line.
   void says(const std::string& arguments, const Words& texts, int code = 0) const {
     const std::string output = "\n" + done(arguments, code);
     for (const std::string& text : texts) CHECK_THAT(output, Contains(text));

@@ -40,7 +40,7 @@ TEST_CASE("a simulated UART sends at its baud rate and drops bytes that are not 
   const bool listens = GENERATE(true, false);
   CAPTURE(listens);
   const auto start = std::chrono::steady_clock::now();
-  // A starved host loses no byte of a block, because the buffer of a pty is larger.
+  // The host reads after each block. The buffer of a pty holds a whole block, so no byte is lost.
   const std::size_t block = listens ? 4000 : all.size();
   for (std::size_t end = block; end <= all.size(); end += block) {
     uart.send(ByteView(all).subspan(end - block, block));

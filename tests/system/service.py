@@ -121,8 +121,9 @@ class Service(live.Live):
         self.assertIn("6", unit["Service"]["RestartPreventExitStatus"].split())  # a full disk
         self.assertFalse((self.dir / "early.sqlite").exists())
         (self.dir / "bad.cfg").write_text("flushCfg\n")
-        fault = subprocess.run(["sh", "-c", f"{command} {config} --set radar.cfg={self.dir}/bad.cfg"], capture_output=True, text=True)
-        self.assertEqual((fault.returncode, [line[:3] for line in fault.stderr.splitlines()]), (3, 6 * ["<3>"]), fault.stderr)
+        fault = subprocess.run(["sh", "-c", f"{command} {config} --set radar.cfg={self.dir}/bad.cfg"], capture_output=True, text=True, timeout=30)
+        self.assertRegex(fault.stderr, r"^(<3>.*\n){2,}$")
+        self.assertEqual(fault.returncode, 3)
         environment = os.environ | {"JOURNAL_STREAM": "1:1"}
         plain = outcome("echofuse-acquire", "run", "--out", "x", "--config", "/none", env=environment)
         self.assertTrue(plain.stderr.startswith("echofuse-acquire: /none"), plain.stderr)

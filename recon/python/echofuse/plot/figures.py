@@ -123,7 +123,7 @@ def row_of(source: models.Maps | runs.Run, index: int | None) -> int:
 
 
 def titles_and_maps(named: dict[str, Any]) -> tuple[list[str], list[Any]]:
-    """Returns the keys and values of a dict. Raises ValueError if it is no dict or is empty."""
+    """Returns the keys and values of a dict. Raises ValueError if it is not a dict, or empty."""
     found = entries("named", named)
     if not found:
         raise refused("named", named, "at least one map")
@@ -250,7 +250,7 @@ def timeline(run: runs.Run | Path, *, ax: Panels = None) -> Figure:
     minutes = (run.time - run.time[0]) / np.timedelta64(1, "s") / 60 if len(run) else np.zeros(0)
     for panel, (sensor, name) in zip(axes, names.items()):
         panel.plot(minutes, used[:, columns[sensor]] / window, color=COLOURS[sensor], lw=1)
-        panel.set_ylim(0, panel.get_ylim()[1])  # the following lines must not change the limits
+        panel.set_ylim(0, panel.get_ylim()[1])  # the red lines must not change the limits
         panel.vlines(minutes[~run.valid[sensor]], 0, 1, color=COLOURS["bad"], lw=1, alpha=0.6,
                      transform=panel.get_xaxis_transform())
         panel.set_ylabel(name.replace(" ", "\n", 1), fontsize=8)
