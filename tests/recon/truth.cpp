@@ -58,6 +58,7 @@ TEST_CASE("train and evaluate report depth maps that belong to other records") {
   for (std::size_t row = 0; row + 1 < early.size(); ++row)
     std::ranges::copy(depth_maps(early).row(row + 1), depth_maps(early).row(row).begin());
   CHECK_THAT(late_truth(early), Contains("1 record early"));
+  CHECK_THAT(late_truth(load({dir / "more", dir / "late"})), Contains(said));
   const std::string train = "train --model ridge --set fallback=false ";
   dir.says(train + "late --out no", {said});
   dir.done(train + "-q good --out m");

@@ -142,6 +142,7 @@ class DamagedInputs(SharedCase):
         fixtures.program("echofuse-sim", "dataset", "--out", cls.seed, "--people", RECORDS, "--seed", 7, "-q")
         fixtures.program("echofuse-recon", "train", cls.seed, "--out", cls.model, "--model", "mean", "-q")
         cls.shapes = dict(fixtures.query(cls.seed, "SELECT name, count FROM axis"))
+        assert resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss < 1024 * MOST_MIB
 
     def command(self, *words):
         program = words[0] if words[0] == sys.executable else bin_dir / f"echofuse-{words[0]}"
